@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pose, focal length and distortion from one view of a flat marker or board. No ROS in here."""
+
+from .core.camera import DivisionCamera
+from .core.estimate import PoseEstimate, RansacOptions, Stop
+from .core.geometry import Pose
+from .core.minimal import solve_p4pfr, solve_p4pfr_batch, SolutionBatch
+from .core.robust import estimate_pose
+from .core.solution import Solution
+from .core.uncertainty import Observability
+
+__version__ = '0.1.0'
+
+__all__ = [
+    'DivisionCamera',
+    'Observability',
+    'Pose',
+    'PoseEstimate',
+    'RansacOptions',
+    'Solution',
+    'SolutionBatch',
+    'Stop',
+    'estimate_pose',
+    'solve_p4pfr',
+    'solve_p4pfr_batch',
+]

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The division model: a camera whose lens bends straight lines, in one number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .geometry import Array, as_points
+
+# The forward map of a wide lens has no closed form: a table, then Newton's steps.
+_TABLE_SIZE = 1024
+_NEWTON_STEPS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class DivisionCamera:
+    """
+    Division model (Fitzgibbon, CVPR 2001), with the terms that wide lenses want.
+
+    Pixel u sees the ray (d, 1 + k |d|² + k2 |d|⁴ + k3 |d|⁶) of the optical frame (x right,
+    y down, z forward), where d = (u - center_px) / focal_px. Pixel centres are integers, as in
+    ROS and OpenCV.
+
+    Parameters
+    ----------
+    focal_px
+        Focal length at the centre of the image, pixels, > 0.
+    center_px
+        (x, y) of principal point and distortion centre, pixels.
+    k, k2, k3
+        Distortion, dimensionless (of d, as in COLMAP and PoseLib); negative k is barrel. The
+        k of Oskarsson's paper, in px⁻², is k / focal_px².
+
+    Raises
+    ------
+    ValueError
+        A number is not finite, or focal_px is not positive.
+
+    """
+
+    focal_px: float
+    center_px: tuple[float, float]
+    k: float = 0.0
+    k2: float = 0.0
+    k3: float = 0.0
+
+    def __post_init__(self) -> None:
+        x, y = as_points(self.center_px, 'center_px', (2,)).tolist()
+        object.__setattr__(self, 'center_px', (x, y))
+        for name in ('focal_px', 'k', 'k2', 'k3'):
+            value = float(getattr(self, name))
+            if not math.isfinite(value):
+                raise ValueError(f'{name} must be finite, got {value}')
+            object.__setattr__(self, name, value)
+        if not self.focal_px > 0.0:
+            raise ValueError(f'focal_px must be > 0, got {self.focal_px}')
+
+    def unproject(self, points_px: ArrayLike) -> Array:
+        """Return the rays (..., 3) that pixels (..., 2) see: not unit, in the optical frame."""
+        d = (np.asarray(points_px, dtype=np.float64) - self.center_px) / self.focal_px
+        r2 = np.sum(d**2, axis=-1, keepdims=True)
+        depth = 1.0 + r2 * (self.k + r2 * (self.k2 + r2 * self.k3))
+        return np.concatenate([d, depth], axis=-1)
+
+    def project(self, points_in_camera: ArrayLike) -> Array:
+        """
+        Project points (..., 3) of the optical frame to pixels (..., 2).
+
+        NaN where no pixel sees the point: on the backward axis, and where k > 0 bends no ray so
+        far out. A camera with k < 0 sees points behind its image plane (Z ≤ 0) too.
+        """
+        points = np.asarray(points_in_camera, dtype=np.float64)
+        xy, z = points[..., :2], points[..., 2:]
+        if self.k2 == 0.0 and self.k3 == 0.0:
+            scale = _closed_form_scale(self.k, np.sum(xy**2, axis=-1, keepdims=True), z)
+        else:
+            scale = self._wide_scale(np.linalg.norm(xy, axis=-1, keepdims=True), z)
+        pixels: Array = self.focal_px * scale * xy + self.center_px
+        return pixels
+
+    def _wide_scale(self, rho: Array, z: Array) -> Array:
+        """Return |d| / ρ for points at the distance ρ from the axis and the depth z."""
+        radii, angles = self._angle_table()
+        angle = np.arctan2(rho, z)
+        r = np.interp(angle, angles, radii, right=np.nan)
+        # Newton on  r z - ρ w(r) = 0,  w = 1 + k r² + k2 r⁴ + k3 r⁶, from the table's guess.
+        for _ in range(_NEWTON_STEPS):
+            r2 = r**2
+            w = 1.0 + r2 * (self.k + r2 * (self.k2 + r2 * self.k3))
+            slope = 2.0 * self.k + r2 * (4.0 * self.k2 + r2 * 6.0 * self.k3)
+            r = r - (r * z - rho * w) / (z - rho * r * slope)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            scale: Array = np.where(rho > 0.0, r / rho, np.where(z > 0.0, 1.0 / z, np.nan))
+        return scale
+
+    def _angle_table(self) -> tuple[Array, Array]:
+        """Sample the angle to the axis over |d|, as far out as it grows."""
+        # With w as above, the angle atan2(r, w) grows while  w - r w' > 0, and that is
+        # 1 - k r² - 3 k2 r⁴ - 5 k3 r⁶: a cubic in r². Its smallest positive root is the edge.
+        roots = np.roots([-5.0 * self.k3, -3.0 * self.k2, -self.k, 1.0])
+        edges = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)]
+        edge = math.sqrt(float(edges.min())) if edges.size else math.inf
+        # r = s / (1 - s) reaches from the axis to infinity.
+        last = edge / (1.0 + edge) if math.isfinite(edge) else 1.0 - 1e-6
+        s = np.linspace(0.0, last, _TABLE_SIZE)
+        radii = s / (1.0 - s)
+        r2 = radii**2
+        depth = 1.0 + r2 * (self.k + r2 * (self.k2 + r2 * self.k3))
+        return radii, np.arctan2(radii, depth)
+
+
+def _closed_form_scale(k: float, rho2: Array, z: Array) -> Array:
+    """Return |d| / ρ by the one-parameter model; NaN where no pixel sees the point."""
+    # d = s xy on the ray (d, 1 + k |d|²) gives  k ρ² s² - z s + 1 = 0. Of its two roots this one
+    # is the continuous one through k = 0. Each form keeps its digits on its own side of z = 0.
+    with np.errstate(divide='ignore', invalid='ignore'):
+        root = np.sqrt(z**2 - 4.0 * k * rho2)  # NaN outside the domain
+        s = np.where(z < 0.0, (z - root) / (2.0 * k * rho2), 2.0 / (z + root))
+        scale: Array = np.where(np.isfinite(s) & (s > 0.0), s, np.nan)
+    return scale

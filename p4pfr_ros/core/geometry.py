@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid poses. A name says the frames: ``target_from_source``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+
+# How far a rotation may be from RᵀR = I and still pass: what single precision leaves behind.
+_ORTHOGONALITY = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """
+    A rigid motion ``target_from_source``: p_target = rotation @ p_source + translation.
+
+    Parameters
+    ----------
+    rotation : (3, 3) array
+        A rotation matrix: RᵀR = I and det R = 1.
+    translation : (3,) array
+        The source frame's origin in the target frame, metres.
+
+    Raises
+    ------
+    ValueError
+        A wrong shape, a number that is not finite, or a matrix that is no rotation.
+
+    """
+
+    rotation: Array
+    translation: Array
+
+    def __post_init__(self) -> None:
+        rotation = as_points(self.rotation, 'rotation', (3, 3))
+        translation = as_points(self.translation, 'translation', (3,))
+        away = np.abs(rotation.T @ rotation - np.eye(3)).max()
+        if not away < _ORTHOGONALITY or np.linalg.det(rotation) < 0.0:
+            raise ValueError(f'rotation must be a rotation matrix, got {rotation.tolist()}')
+        object.__setattr__(self, 'rotation', rotation)
+        object.__setattr__(self, 'translation', translation)
+
+    @classmethod
+    def identity(cls) -> Pose:
+        """Return the pose that moves nothing."""
+        return cls(np.eye(3), np.zeros(3))
+
+    @classmethod
+    def from_rotation_vector(cls, rotation_rad: ArrayLike, translation: ArrayLike) -> Pose:
+        """Make a pose from an axis times an angle (radians) and a translation (metres)."""
+        return cls(rotation_from_vector(rotation_rad), np.asarray(translation, dtype=np.float64))
+
+    @classmethod
+    def from_quaternion_xyzw(cls, quaternion: ArrayLike, translation: ArrayLike) -> Pose:
+        """Make a pose from a quaternion in ROS order (any length but 0) and a translation."""
+        q = as_points(quaternion, 'quaternion', (4,))
+        norm = np.linalg.norm(q)
+        if not norm > 0.0:
+            raise ValueError('quaternion must not be zero')
+        x, y, z, w = q / norm
+        rotation = np.array(
+            [
+                [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+                [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+                [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+            ]
+        )
+        return cls(rotation, np.asarray(translation, dtype=np.float64))
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """Compose: ``a_from_b @ b_from_c`` is ``a_from_c``."""
+        return Pose(
+            self.rotation @ other.rotation, self.rotation @ other.translation + self.translation
+        )
+
+    def inverse(self) -> Pose:
+        """Return ``source_from_target``."""
+        return Pose(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def transform(self, points: ArrayLike) -> Array:
+        """Take (..., 3) points of the source frame to the target frame."""
+        moved: Array = np.asarray(points, dtype=np.float64) @ self.rotation.T + self.translation
+        return moved
+
+    def quaternion_xyzw(self) -> Array:
+        """Return the (4,) unit quaternion in ROS order, w ≥ 0."""
+        r = self.rotation
+        # 4 q qᵀ, written by R's entries. Its columns are all ∝ q; the one with the largest
+        # diagonal entry (at least 1, as the trace is 4) loses no digits.
+        outer = np.array(
+            [
+                [1.0 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], 0.0],
+                [0.0, 1.0 - r[0, 0] + r[1, 1] - r[2, 2], r[1, 2] + r[2, 1], 0.0],
+                [0.0, 0.0, 1.0 - r[0, 0] - r[1, 1] + r[2, 2], 0.0],
+                [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], 1.0 + np.trace(r)],
+            ]
+        )
+        outer[1, 0], outer[2, 0], outer[2, 1] = outer[0, 1], outer[0, 2], outer[1, 2]
+        outer[:3, 3] = outer[3, :3]
+        q = outer[int(np.argmax(np.diag(outer)))]
+        q = q / np.linalg.norm(q)
+        unit: Array = -q if q[3] < 0.0 else q
+        return unit
+
+
+def rotation_from_vector(rotation_rad: ArrayLike) -> Array:
+    """Turn an axis times an angle (radians) into a (3, 3) rotation: Rodrigues' formula."""
+    v = as_points(rotation_rad, 'rotation_rad', (3,))
+    angle = float(np.linalg.norm(v))
+    cross = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    # sinc(x) = sin(πx)/(πx): finite at zero. (1 - cos a)/a² = ½ (sin(a/2)/(a/2))².
+    first = np.sinc(angle / np.pi)
+    second = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
+    rotation: Array = np.eye(3) + first * cross + second * (cross @ cross)
+    return rotation
+
+
+def rotation_angle_rad(a: ArrayLike, b: ArrayLike) -> float:
+    """Return the angle between two (3, 3) rotations, exact for small angles too."""
+    # |A - B|_F = 2√2 sin(angle / 2); an arc cosine of the trace would stop at 1e-8.
+    chord = float(np.linalg.norm(np.asarray(a) - np.asarray(b)))
+    return 2.0 * float(np.arcsin(min(1.0, chord / (2.0 * np.sqrt(2.0)))))
+
+
+def as_points(values: ArrayLike, name: str, shape: tuple[int | None, ...]) -> Array:
+    """
+    Return the values as finite, contiguous doubles of a shape (None: any length).
+
+    Raises
+    ------
+    ValueError
+        Names the argument, what was expected and what came.
+
+    """
+    try:
+        array: Array = np.ascontiguousarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f'{name} must be numbers of shape {_text(shape)}: {error}') from None
+    fits = array.ndim == len(shape) and all(
+        want is None or want == got for want, got in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        raise ValueError(f'{name} must have shape {_text(shape)}, got {_text(array.shape)}')
+    if not np.isfinite(array).all():
+        raise ValueError(f'{name} must be finite, got {_first_bad(array)}')
+    return array
+
+
+def _text(shape: tuple[Any, ...]) -> str:
+    inside = ', '.join('N' if n is None else str(n) for n in shape)
+    return f'({inside},)' if len(shape) == 1 else f'({inside})'
+
+
+def _first_bad(array: Array) -> str:
+    index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+    return f'{array[index]} at {list(index)}'

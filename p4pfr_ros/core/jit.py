@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+``jit``: Numba where it is installed, the same source interpreted where it is not.
+
+A kernel is plain Python over scalars and preallocated arrays, so both ways give the same
+numbers; interpreted, it is some hundred times slower. ``NUMBA_DISABLE_JIT=1`` asks for that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import hashlib
+import os
+from pathlib import Path
+import sys
+from typing import Any, TypeVar
+import warnings
+
+try:
+    import numba
+    import numba.core.event
+except ImportError:
+    numba = None
+
+Function = TypeVar('Function', bound=Callable[..., Any])
+
+COMPILED = numba is not None and not numba.config.DISABLE_JIT
+
+# Division by zero gives inf or NaN, as in C, and the kernels look at what came out: raising
+# would cost a branch a division. No fast maths: interpreted and compiled give the same bits.
+_OPTIONS = {'error_model': 'numpy', 'nogil': True}
+
+
+def jit(function: Function) -> Function:
+    """Compile a kernel on its first call, and keep the result on disk."""
+    if not COMPILED:
+        return function
+    # Numba looks at the one file that a kernel stands in, and would go on using a stale copy
+    # when a kernel that it calls, in another file, has changed. So the cache's folder is named
+    # after the whole package's sources. It is read at the moment of decoration only.
+    previous = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(_CACHE_FOLDER)
+    try:
+        compiled: Function = numba.njit(cache=True, **_OPTIONS)(function)
+    finally:
+        numba.config.CACHE_DIR = previous
+    return compiled
+
+
+def _cache_folder() -> Path:
+    digest = hashlib.sha256()
+    for source in sorted(Path(__file__).parent.glob('*.py')):
+        digest.update(source.read_bytes())
+    base = os.environ.get('NUMBA_CACHE_DIR') or os.environ.get('XDG_CACHE_HOME')
+    root = Path(base) if base else Path.home() / '.cache'
+    return root / 'p4pfr_ros' / digest.hexdigest()[:16]
+
+
+if numba is None:
+    warnings.warn(
+        'numba is not installed: p4pfr_ros runs interpreted, some hundred times slower',
+        RuntimeWarning,
+        stacklevel=2,
+    )
+elif COMPILED:
+    _CACHE_FOLDER = _cache_folder()
+
+    class _FirstCompilation(numba.core.event.Listener):  # type: ignore[misc]
+        """Says, once, why the first call takes seconds."""
+
+        said = False
+
+        def on_start(self, event: Any) -> None:
+            name = event.data['dispatcher'].py_func.__module__
+            if not self.said and name.startswith('p4pfr_ros.'):
+                self.said = True
+                print(
+                    'p4pfr_ros: compiling the numeric kernels for this machine, once; '
+                    'some tens of seconds',
+                    file=sys.stderr,
+                    flush=True,
+                )
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    numba.core.event.register('numba:compile', _FirstCompilation())

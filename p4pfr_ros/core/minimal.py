@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Planar P4Pfr: pose, focal length and radial distortion from four points of a plane.
+
+The problem is Oskarsson's (arXiv:1805.10705); the way to its sextic, through the depths, is this
+project's own: ``cone`` (where the depths may lie), ``sextic`` (which of them fit), and here (the
+pose of each). docs/derivation.md has it whole.
+
+What no method can see: a plane parallel to the image, a square centred on the axis and tilted
+about its own side or diagonal, and k when all four points have one distance from the centre.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .cone import board_weights, depth_cone
+from .geometry import Array, as_points, Ints
+from .jit import jit
+from .normalise import board_duals, scale_image, unscale
+from .polish import polish
+from .recover import place_centroid, pose_from_root
+from .sextic import factors, MAX_ROOTS, real_roots, STACK_SIZE
+from .solution import G, H, ROW_SIZE, Solution, solution_from_row, TRANSLATION
+
+# A solution whose points miss their rays by a larger sine than this is none.
+_MAX_RESIDUAL = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SolutionBatch:
+    """
+    The solutions of n problems.
+
+    count (n,), focal_px (n, 6), k (n, 6) dimensionless, rotation (n, 6, 3, 3) and translation
+    (n, 6, 3) in board units, ``camera_from_board``; NaN from count on.
+    """
+
+    count: Ints
+    focal_px: Array
+    k: Array
+    rotation: Array
+    translation: Array
+
+
+def solve_p4pfr(image_points: ArrayLike, board_points: ArrayLike) -> list[Solution]:
+    """
+    Find pose, focal length and radial distortion from four points of a plane.
+
+    Parameters
+    ----------
+    image_points : (4, 2) array
+        Pixels relative to the distortion centre, x right, y down.
+    board_points : (4, 2) array
+        The same points on the board's plane Z = 0, in any unit; no four on a line.
+
+    Returns
+    -------
+    At most six solutions, translation in the board's unit, centre (0, 0); all reproject the four
+    points, with all depths of one sign. Empty when there is none: an unlucky sample or one that
+    cannot tell, not an error.
+
+    Raises
+    ------
+    ValueError
+        A wrong shape, or a number that is not finite.
+
+    References
+    ----------
+    Oskarsson, "A fast minimal solver for absolute camera pose with unknown focal length and
+    radial distortion from four planar points", arXiv:1805.10705.
+
+    """
+    image = as_points(image_points, 'image_points', (4, 2))
+    board = as_points(board_points, 'board_points', (4, 2))
+    rows = np.empty((MAX_ROOTS, ROW_SIZE))
+    count = solve_minimal(image, board, rows, workspace())
+    return [solution_from_row(row, (0.0, 0.0)) for row in rows[:count]]
+
+
+def solve_p4pfr_batch(image_points: ArrayLike, board_points: ArrayLike) -> SolutionBatch:
+    """
+    Solve n problems at once: ``solve_p4pfr`` for (n, 4, 2) image and board points.
+
+    Raises
+    ------
+    ValueError
+        A wrong shape, or a number that is not finite.
+
+    """
+    image = as_points(image_points, 'image_points', (None, 4, 2))
+    board = as_points(board_points, 'board_points', (len(image), 4, 2))
+    n = len(image)
+    rows = np.full((n, MAX_ROOTS, ROW_SIZE), np.nan)
+    count = np.zeros(n, dtype=np.int64)
+    _solve_all(image, board, rows, count, workspace())
+    return SolutionBatch(
+        count,
+        rows[..., G],
+        rows[..., H] * rows[..., G],
+        rows[..., :TRANSLATION].reshape(n, MAX_ROOTS, 3, 3),
+        rows[..., TRANSLATION:G],
+    )
+
+
+class Workspace(NamedTuple):
+    """Room for one solve, made once: the kernels allocate nothing."""
+
+    image: Array
+    board: Array
+    duals: Array
+    roots: Array
+    stack: Array
+    system: Array
+    trial: Array
+
+
+def workspace() -> Workspace:
+    """Make the room that ``solve_minimal`` works in."""
+    return Workspace(
+        np.empty((4, 2)),
+        np.empty((4, 2)),
+        np.empty((4, 2)),
+        np.empty(MAX_ROOTS),
+        np.empty((STACK_SIZE, 2)),
+        np.empty((8, 9)),
+        np.empty(ROW_SIZE),
+    )
+
+
+@jit
+def _solve_all(image: Array, board: Array, rows: Array, count: Ints, room: Workspace) -> None:
+    for i in range(len(count)):
+        count[i] = solve_minimal(image[i], board[i], rows[i], room)
+
+
+@jit
+def solve_minimal(image: Array, board: Array, rows: Array, room: Workspace) -> int:
+    """
+    Write the solutions of one problem to ``rows`` and return their number.
+
+    Each row: rotation (9), translation (3), focal length in px, and h with ray depth f + h r²
+    for r in px (so that k = h f). ``rows`` is (6, ROW_SIZE); rows past the number stay as
+    they were found or hold what was rejected.
+    """
+    scale_px = scale_image(image, room.image)
+    if not scale_px > 0.0:
+        return 0
+    weights = board_weights(board)
+    if weights[0] == 0.0 and weights[1] == 0.0:
+        return 0
+    x = (room.image[0, 0], room.image[1, 0], room.image[2, 0], room.image[3, 0])
+    y = (room.image[0, 1], room.image[1, 1], room.image[2, 1], room.image[3, 1])
+    cone = depth_cone(x, y, weights)
+    if not cone.found:
+        return 0
+    size = board_duals(board, room.board, room.duals)
+    xi = (complex(x[0], y[0]), complex(x[1], y[1]), complex(x[2], y[2]), complex(x[3], y[3]))
+    r2 = (
+        x[0] * x[0] + y[0] * y[0],
+        x[1] * x[1] + y[1] * y[1],
+        x[2] * x[2] + y[2] * y[2],
+        x[3] * x[3] + y[3] * y[3],
+    )
+    f = factors(cone, xi, r2, room.duals)
+    count = 0
+    for i in range(real_roots(f, room.roots, room.stack)):
+        row = rows[count]
+        tau = room.roots[i]
+        if not pose_from_root(f, tau, row):
+            continue
+        place_centroid(cone.a, cone.b, tau, x, y, r2, row)
+        if polish(row, room.image, room.board, room.system, room.trial) > _MAX_RESIDUAL:
+            continue
+        if not row[G] > 0.0:
+            continue
+        unscale(row, board, scale_px, size)
+        count += 1
+    return count

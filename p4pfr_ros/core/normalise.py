@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""To well-scaled numbers and back: a board in mm, in km or far from its origin is the same."""
+
+from __future__ import annotations
+
+import math
+
+from .geometry import Array
+from .jit import jit
+from .solution import G, H, TRANSLATION
+
+
+@jit
+def scale_image(image: Array, scaled: Array) -> float:
+    """Scale the farthest point to radius 1; return the scale, px."""
+    scale_px = 0.0
+    for i in range(4):
+        scale_px = max(scale_px, math.hypot(image[i, 0], image[i, 1]))
+    inverse = 1.0 / scale_px
+    for i in range(4):
+        scaled[i, 0] = image[i, 0] * inverse
+        scaled[i, 1] = image[i, 1] * inverse
+    return scale_px
+
+
+@jit
+def board_duals(board: Array, scaled: Array, duals: Array) -> float:
+    """
+    Centre the board and scale it to about 1, and find the vectors that take it apart.
+
+    With the centred points X̂ᵢ, cᵢ = (Σ X̂ X̂ᵀ)⁻¹ X̂ᵢ has Σ cᵢ = 0 and Σ X̂ᵢ cᵢᵀ = I: for any affine
+    map of the board, Qᵢ = H X̂ᵢ + t, the sum Σ Qᵢ cᵢᵀ is H. Returned is the scale, board units.
+    """
+    mx = 0.25 * (board[0, 0] + board[1, 0] + board[2, 0] + board[3, 0])
+    my = 0.25 * (board[0, 1] + board[1, 1] + board[2, 1] + board[3, 1])
+    size = 0.0
+    for i in range(4):
+        scaled[i, 0] = board[i, 0] - mx
+        scaled[i, 1] = board[i, 1] - my
+        size = max(size, max(abs(scaled[i, 0]), abs(scaled[i, 1])))
+    inverse = 1.0 / size
+    xx = xy = yy = 0.0
+    for i in range(4):
+        scaled[i, 0] *= inverse
+        scaled[i, 1] *= inverse
+        xx += scaled[i, 0] * scaled[i, 0]
+        xy += scaled[i, 0] * scaled[i, 1]
+        yy += scaled[i, 1] * scaled[i, 1]
+    determinant = xx * yy - xy * xy
+    for i in range(4):
+        duals[i, 0] = (yy * scaled[i, 0] - xy * scaled[i, 1]) / determinant
+        duals[i, 1] = (xx * scaled[i, 1] - xy * scaled[i, 0]) / determinant
+    return size
+
+
+@jit
+def unscale(row: Array, board: Array, scale_px: float, size: float) -> None:
+    """Take a solution from the scaled, centred problem to pixels and the board's own frame."""
+    row[G] *= scale_px
+    row[H] /= scale_px
+    mx = 0.25 * (board[0, 0] + board[1, 0] + board[2, 0] + board[3, 0])
+    my = 0.25 * (board[0, 1] + board[1, 1] + board[2, 1] + board[3, 1])
+    for i in range(3):
+        t = row[TRANSLATION + i] * size
+        row[TRANSLATION + i] = t - row[3 * i] * mx - row[3 * i + 1] * my

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a root of the sextic to its focal length, distortion and pose."""
+
+from __future__ import annotations
+
+import math
+
+from .cone import Four
+from .geometry import Array
+from .jit import jit
+from .sextic import evaluate, Factors
+from .solution import G, H, TRANSLATION
+
+
+@jit
+def pose_from_root(f: Factors, tau: float, row: Array) -> bool:
+    """Write rotation, focal length and h of a root; its translation slot holds the scale."""
+    at = evaluate(f, tau)
+    norm = at.z.real * at.z.real + at.z.imag * at.z.imag
+    focal = math.sqrt(max(0.0, -at.re)) * abs(at.d) / norm
+    # No focal length: q + f² z²/d² = 0 asks for f² ≤ 0, or z = 0 leaves it open (fronto-parallel).
+    # d = 0 leaves k open; NaN and infinity fail the comparisons too.
+    if not (0.0 < focal < math.inf and at.d != 0.0):
+        return False
+    h1 = 0.5 * (at.u + at.v)
+    h2 = -0.5j * (at.u - at.v)
+    h3 = (focal / at.d) * at.z
+    # [r₁ r₂] is the orthogonal factor of the (3, 2) matrix [Re h, Im h], exactly orthonormal
+    # whatever rounding did to the root: H (HᵀH)^(-1/2), with the 2x2 root in closed form,
+    #     G^(1/2) = (G + δ I)/t,  G^(-1/2) = (adj G + δ I)/(δ t),  δ² = det G,  t² = tr G + 2 δ.
+    g11 = h1.real * h1.real + h2.real * h2.real + h3.real * h3.real
+    g22 = h1.imag * h1.imag + h2.imag * h2.imag + h3.imag * h3.imag
+    g12 = h1.real * h1.imag + h2.real * h2.imag + h3.real * h3.imag
+    delta = math.sqrt(max(0.0, g11 * g22 - g12 * g12))
+    trace = math.sqrt(g11 + g22 + 2.0 * delta)
+    if not delta > 0.0:
+        return False
+    inverse = 1.0 / (delta * trace)
+    a, b, c = (g22 + delta) * inverse, -g12 * inverse, (g11 + delta) * inverse
+    row[0], row[1] = h1.real * a + h1.imag * b, h1.real * b + h1.imag * c
+    row[3], row[4] = h2.real * a + h2.imag * b, h2.real * b + h2.imag * c
+    row[6], row[7] = h3.real * a + h3.imag * b, h3.real * b + h3.imag * c
+    row[2] = row[3] * row[7] - row[6] * row[4]
+    row[5] = row[6] * row[1] - row[0] * row[7]
+    row[8] = row[0] * row[4] - row[3] * row[1]
+    row[TRANSLATION] = 0.5 * trace
+    row[G] = focal
+    row[H] = -focal * at.n / at.d
+    return True
+
+
+@jit
+def place_centroid(a: Four, b: Four, tau: float, x: Four, y: Four, r2: Four, row: Array) -> None:
+    """Replace the scale in the translation slot by the centroid in the camera's frame."""
+    scale = 0.25 / row[TRANSLATION]
+    tx = ty = tz = 0.0
+    for i in range(4):
+        depth = (1.0 - tau) * a[i] + tau * b[i]
+        tx += depth * x[i]
+        ty += depth * y[i]
+        tz += depth * (row[G] + row[H] * r2[i])
+    row[TRANSLATION] = scale * tx
+    row[TRANSLATION + 1] = scale * ty
+    row[TRANSLATION + 2] = scale * tz

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The sextic of planar P4Pfr: its factors, its values and its roots in (0, 1).
+
+With λ = (1 - τ) a + τ b from the depth cone, all that follows is made of six functions that are
+*linear* in τ, four complex and two real (ξ = x + i y; c is the board's, see ``board_duals``):
+
+    u = Σ λᵢ ξᵢ cᵢ     v = Σ λᵢ ξ̄ᵢ cᵢ     l = Σ λᵢ cᵢ     p = Σ λᵢ rᵢ² cᵢ
+    n = Σ λᵢ mᵢ        d = Σ λᵢ mᵢ rᵢ²
+
+The third row of Σ mᵢ λᵢ (xᵢ, yᵢ, 1 + k rᵢ²) = 0 gives  k = -n / d.  The corners in the camera
+frame are Qᵢ = λᵢ (xᵢ, yᵢ, f (1 + k rᵢ²)) but for one scale s, and Σ Qᵢ cᵢ = s (r₁ + i r₂): its
+rows are h₁ = (u + v)/2, h₂ = (u - v)/2i and h₃ = f z / d with  z = d l - n p.  r₁ and r₂ are
+orthogonal and of one length exactly when the sum of their squares, as complex numbers, is zero:
+
+    h₁² + h₂² + h₃² = q + f² z² / d² = 0,   q = u v.
+
+f² is real, so q and z² are parallel:  S = Im(q z̄²) = 0, of degree 6, and f² = -d² Re(q z̄²)/|z|⁴.
+
+Near fronto-parallel views u and z are both small at the root, and S has a cluster of roots there
+that its expanded coefficients cannot tell apart: the digits are lost in forming them. The factors
+are linear, so restricting *them* to an interval, and then forming its Bernstein coefficients,
+keeps their relative accuracy however small the interval is. That is the subdivision used here.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from .cone import Cone, Four
+from .geometry import Array
+from .jit import jit
+
+MAX_ROOTS = 6
+
+# An interval this short with two roots or more left holds a multiple root, to rounding.
+_SHORTEST = 1e-13
+
+# Newton's method, kept inside its bracket by bisection, needs some five steps.
+_MAX_NEWTON_STEPS = 64
+_TAU_ROUNDING = 1.2e-16
+
+# The bisection's stack: halves down to _SHORTEST, the other half of each waiting. Where the
+# sextic is zero throughout (nothing to observe), rounding gives it signs at every depth.
+STACK_SIZE = 64
+_MAX_INTERVALS = 600
+
+
+class Factors(NamedTuple):
+    """The six linear functions by their values at τ = 0 and τ = 1."""
+
+    u0: complex
+    u1: complex
+    v0: complex
+    v1: complex
+    l0: complex
+    l1: complex
+    p0: complex
+    p1: complex
+    n0: float
+    n1: float
+    d0: float
+    d1: float
+
+
+class Value(NamedTuple):
+    """What the factors make of one τ."""
+
+    sextic: float
+    slope: float
+    u: complex
+    v: complex
+    z: complex
+    n: float
+    d: float
+    re: float  # Re(q z̄²)
+
+
+@jit
+def factors(
+    cone: Cone, xi: tuple[complex, complex, complex, complex], r2: Four, duals: Array
+) -> Factors:
+    """Sum the six functions at both ends; duals is c, (4, 2) as real and imaginary part."""
+    u0 = u1 = v0 = v1 = l0 = l1 = p0 = p1 = 0.0j
+    n0 = n1 = d0 = d1 = 0.0
+    for i in range(4):
+        c = complex(duals[i, 0], duals[i, 1])
+        a, b, m = cone.a[i], cone.b[i], cone.m[i]
+        direct, mirrored, radial = xi[i] * c, xi[i].conjugate() * c, r2[i] * c
+        u0 += a * direct
+        u1 += b * direct
+        v0 += a * mirrored
+        v1 += b * mirrored
+        l0 += a * c
+        l1 += b * c
+        p0 += a * radial
+        p1 += b * radial
+        n0 += a * m
+        n1 += b * m
+        d0 += a * m * r2[i]
+        d1 += b * m * r2[i]
+    return Factors(u0, u1, v0, v1, l0, l1, p0, p1, n0, n1, d0, d1)
+
+
+@jit
+def evaluate(f: Factors, tau: float) -> Value:
+    """Evaluate the sextic and its slope from the factors, not from coefficients."""
+    s = 1.0 - tau
+    u = s * f.u0 + tau * f.u1
+    v = s * f.v0 + tau * f.v1
+    l = s * f.l0 + tau * f.l1  # noqa: E741
+    p = s * f.p0 + tau * f.p1
+    n = s * f.n0 + tau * f.n1
+    d = s * f.d0 + tau * f.d1
+    dn = f.n1 - f.n0
+    dd = f.d1 - f.d0
+    z = d * l - n * p
+    dz = dd * l + d * (f.l1 - f.l0) - dn * p - n * (f.p1 - f.p0)
+    q = u * v
+    dq = (f.u1 - f.u0) * v + u * (f.v1 - f.v0)
+    zz = (z * z).conjugate()
+    product = q * zz
+    slope = (dq * zz + 2.0 * q * (z * dz).conjugate()).imag
+    return Value(product.imag, slope, u, v, z, n, d, product.real)
+
+
+@jit
+def real_roots(f: Factors, roots: Array, stack: Array) -> int:
+    """
+    Write the roots of the sextic in (0, 1) to ``roots`` (6,) and return their number.
+
+    ``stack`` is (STACK_SIZE, 2) of room for intervals.
+    """
+    found = 0
+    waiting = 1
+    stack[0, 0] = 0.0
+    stack[0, 1] = 1.0
+    for _ in range(_MAX_INTERVALS):
+        if waiting == 0 or found == MAX_ROOTS:
+            break
+        waiting -= 1
+        low = stack[waiting, 0]
+        high = stack[waiting, 1]
+        variations, sign = _descartes(f, low, high)
+        if variations == 0:
+            continue
+        if variations == 1:
+            roots[found] = _bracketed_newton(f, low, high, sign)
+            found += 1
+        elif high - low < _SHORTEST:
+            roots[found] = 0.5 * (low + high)
+            found += 1
+        else:
+            middle = 0.5 * (low + high)
+            stack[waiting, 0] = middle
+            stack[waiting, 1] = high
+            stack[waiting + 1, 0] = low
+            stack[waiting + 1, 1] = middle
+            waiting += 2
+    return found
+
+
+@jit
+def _descartes(f: Factors, low: float, high: float) -> tuple[int, float]:
+    """
+    Count the sign variations of the sextic's Bernstein coefficients over an interval.
+
+    Descartes: none means no root inside, one means exactly one, more mean at most as many.
+    Returned too is the sign at the lower end.
+    """
+    # The factors' values at the interval's ends are all that changes with the interval.
+    s, t = 1.0 - low, 1.0 - high
+    u0, u1 = s * f.u0 + low * f.u1, t * f.u0 + high * f.u1
+    v0, v1 = s * f.v0 + low * f.v1, t * f.v0 + high * f.v1
+    l0, l1 = s * f.l0 + low * f.l1, t * f.l0 + high * f.l1
+    p0, p1 = s * f.p0 + low * f.p1, t * f.p0 + high * f.p1
+    n0, n1 = s * f.n0 + low * f.n1, t * f.n0 + high * f.n1
+    d0, d1 = s * f.d0 + low * f.d1, t * f.d0 + high * f.d1
+    # Bernstein coefficients of products, each times its binomial: so they multiply like
+    # polynomials. q has degree 2, z degree 2, w = z̄² degree 4.
+    q0, q1, q2 = u0 * v0, u0 * v1 + u1 * v0, u1 * v1
+    z0 = (d0 * l0 - n0 * p0).conjugate()
+    z1 = (d0 * l1 + d1 * l0 - n0 * p1 - n1 * p0).conjugate()
+    z2 = (d1 * l1 - n1 * p1).conjugate()
+    w0, w1, w2, w3, w4 = z0 * z0, 2.0 * z0 * z1, z1 * z1 + 2.0 * z0 * z2, 2.0 * z1 * z2, z2 * z2
+    # Dividing by the binomials of degree 6 would leave the signs as they are.
+    coefficients = (
+        (q0 * w0).imag,
+        (q0 * w1 + q1 * w0).imag,
+        (q0 * w2 + q1 * w1 + q2 * w0).imag,
+        (q0 * w3 + q1 * w2 + q2 * w1).imag,
+        (q0 * w4 + q1 * w3 + q2 * w2).imag,
+        (q1 * w4 + q2 * w3).imag,
+        (q2 * w4).imag,
+    )
+    variations = 0
+    first = last = 0.0
+    for coefficient in coefficients:
+        if coefficient != 0.0:
+            if last * coefficient < 0.0:
+                variations += 1
+            if first == 0.0:
+                first = coefficient
+            last = coefficient
+    return variations, first
+
+
+@jit
+def _bracketed_newton(f: Factors, low: float, high: float, sign_at_low: float) -> float:
+    """Find the one root between low and high: Newton's steps, bisection where they leave."""
+    tau = 0.5 * (low + high)
+    for _ in range(_MAX_NEWTON_STEPS):
+        value = evaluate(f, tau)
+        if value.sextic == 0.0:
+            return tau
+        if (value.sextic > 0.0) == (sign_at_low > 0.0):
+            low = tau
+        else:
+            high = tau
+        step = tau - value.sextic / value.slope
+        if not low < step < high:
+            step = 0.5 * (low + high)
+        if abs(step - tau) <= _TAU_ROUNDING:
+            return step
+        tau = step
+    return tau
