@@ -110,6 +110,8 @@ def solve_p4pfr_batch(image_points: ArrayLike, board_points: ArrayLike) -> Solut
 class Workspace(NamedTuple):
     """Room for one solve, made once: the kernels allocate nothing."""
 
+    sample_image: Array
+    sample_board: Array
     image: Array
     board: Array
     duals: Array
@@ -122,6 +124,8 @@ class Workspace(NamedTuple):
 def workspace() -> Workspace:
     """Make the room that ``solve_minimal`` works in."""
     return Workspace(
+        np.empty((4, 2)),
+        np.empty((4, 2)),
         np.empty((4, 2)),
         np.empty((4, 2)),
         np.empty((4, 2)),

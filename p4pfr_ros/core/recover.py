@@ -25,8 +25,21 @@ def pose_from_root(f: Factors, tau: float, row: Array) -> bool:
     h1 = 0.5 * (at.u + at.v)
     h2 = -0.5j * (at.u - at.v)
     h3 = (focal / at.d) * at.z
-    # [r₁ r₂] is the orthogonal factor of the (3, 2) matrix [Re h, Im h], exactly orthonormal
-    # whatever rounding did to the root: H (HᵀH)^(-1/2), with the 2x2 root in closed form,
+    scale = orthogonal_factor(h1, h2, h3, row)
+    row[TRANSLATION] = scale
+    row[G] = focal
+    row[H] = -focal * at.n / at.d
+    return scale > 0.0
+
+
+@jit
+def orthogonal_factor(h1: complex, h2: complex, h3: complex, row: Array) -> float:
+    """
+    Write the rotation nearest to s [r₁ r₂] = [Re h, Im h] and return its scale s; 0: none.
+
+    It is exactly orthonormal, whatever rounding did to h.
+    """
+    # H (HᵀH)^(-1/2), with the 2x2 root in closed form:
     #     G^(1/2) = (G + δ I)/t,  G^(-1/2) = (adj G + δ I)/(δ t),  δ² = det G,  t² = tr G + 2 δ.
     g11 = h1.real * h1.real + h2.real * h2.real + h3.real * h3.real
     g22 = h1.imag * h1.imag + h2.imag * h2.imag + h3.imag * h3.imag
@@ -34,7 +47,7 @@ def pose_from_root(f: Factors, tau: float, row: Array) -> bool:
     delta = math.sqrt(max(0.0, g11 * g22 - g12 * g12))
     trace = math.sqrt(g11 + g22 + 2.0 * delta)
     if not delta > 0.0:
-        return False
+        return 0.0
     inverse = 1.0 / (delta * trace)
     a, b, c = (g22 + delta) * inverse, -g12 * inverse, (g11 + delta) * inverse
     row[0], row[1] = h1.real * a + h1.imag * b, h1.real * b + h1.imag * c
@@ -43,10 +56,7 @@ def pose_from_root(f: Factors, tau: float, row: Array) -> bool:
     row[2] = row[3] * row[7] - row[6] * row[4]
     row[5] = row[6] * row[1] - row[0] * row[7]
     row[8] = row[0] * row[4] - row[3] * row[1]
-    row[TRANSLATION] = 0.5 * trace
-    row[G] = focal
-    row[H] = -focal * at.n / at.d
-    return True
+    return 0.5 * trace
 
 
 @jit

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+A view by an unknown camera: its solver, its reprojection error and the Jacobian.
+
+The pixel (x, y) from the centre sees the ray (x, y, g + h r²). A point P = (X, Y, Z) of the
+camera's frame therefore projects to σ (X, Y), with ρ² = X² + Y² and
+
+    h ρ² σ² - Z σ + g = 0,     σ = 2 g / (Z + w),     w = √(Z² - 4 g h ρ²).
+
+The differential of that equation gives every derivative, finite at h = 0 and behind the image
+plane too:  w dσ = h σ² d(ρ²) - σ dZ + dg + ρ² σ² dh.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from .geometry import Array
+from .jit import jit
+from .minimal import solve_minimal, Workspace
+from .solution import G, H, TRANSLATION
+
+
+class Gates(NamedTuple):
+    """What a camera must be: the corner's distance from the centre, and bounds on what it sees."""
+
+    corner_px: float
+    min_half_fov_rad: float
+    max_half_fov_rad: float
+    max_distortion: float
+
+
+@jit
+def hypotheses(gates: Gates, rows: Array, room: Workspace) -> int:
+    """Solve the room's sample; keep the plausible solutions in front; return their number."""
+    kept = 0
+    for s in range(solve_minimal(room.sample_image, room.sample_board, rows, room)):
+        if plausible(rows[s], gates):
+            rows[kept] = rows[s]
+            kept += 1
+    return kept
+
+
+@jit
+def plausible(row: Array, gates: Gates) -> bool:
+    """Say whether a solution's camera is one that is built: field of view and distortion."""
+    # The corner's ray is (r, g + h r²).
+    bend = row[H] * gates.corner_px * gates.corner_px
+    half_fov_rad = math.atan2(gates.corner_px, row[G] + bend)
+    return (
+        gates.min_half_fov_rad <= half_fov_rad <= gates.max_half_fov_rad
+        and abs(bend) <= gates.max_distortion * row[G]
+    )
+
+
+@jit
+def squared_error(row: Array, board: Array, image: Array) -> float:
+    """Return the squared reprojection error of a point, px²; infinite where it is not seen."""
+    bx, by = board[0], board[1]
+    x = row[0] * bx + row[1] * by + row[TRANSLATION]
+    y = row[3] * bx + row[4] * by + row[TRANSLATION + 1]
+    z = row[6] * bx + row[7] * by + row[TRANSLATION + 2]
+    sigma = _scale(x, y, z, row[G], row[H])
+    dx, dy = sigma * x - image[0], sigma * y - image[1]
+    error: float = dx * dx + dy * dy
+    return error if error < math.inf else math.inf
+
+
+@jit
+def linearise(row: Array, board: Array, image: Array, jacobian: Array) -> None:
+    """Write the (2, 9) derivatives and residual of a point; NaN where it is not seen."""
+    bx, by = board[0], board[1]
+    qx, qy, qz = row[0] * bx + row[1] * by, row[3] * bx + row[4] * by, row[6] * bx + row[7] * by
+    x, y, z = qx + row[TRANSLATION], qy + row[TRANSLATION + 1], qz + row[TRANSLATION + 2]
+    g, h = row[G], row[H]
+    sigma = _scale(x, y, z, g, h)
+    rho2 = x * x + y * y
+    w = math.sqrt(max(z * z - 4.0 * g * h * rho2, 0.0))
+    # dσ = s_x dX + s_y dY + s_z dZ + s_g dg + s_h dh
+    s_x, s_y = 2.0 * h * sigma * sigma * x / w, 2.0 * h * sigma * sigma * y / w
+    s_z, s_g, s_h = -sigma / w, 1.0 / w, rho2 * sigma * sigma / w
+    # d(σ X) = (σ + X s_x) dX + X s_y dY + X s_z dZ + X s_g dg + X s_h dh; likewise d(σ Y).
+    fill_pose_columns(jacobian[0], sigma + x * s_x, x * s_y, x * s_z, qx, qy, qz)
+    fill_pose_columns(jacobian[1], y * s_x, sigma + y * s_y, y * s_z, qx, qy, qz)
+    jacobian[0, 6], jacobian[0, 7], jacobian[0, 8] = x * s_g, x * s_h, sigma * x - image[0]
+    jacobian[1, 6], jacobian[1, 7], jacobian[1, 8] = y * s_g, y * s_h, sigma * y - image[1]
+
+
+@jit
+def fill_pose_columns(
+    line: Array, ax: float, ay: float, az: float, qx: float, qy: float, qz: float
+) -> None:
+    """Write a · dP for dP = ω x Q + dt, Q = R X:  a · (ω x Q) = (Q x a) · ω."""
+    line[0] = qy * az - qz * ay
+    line[1] = qz * ax - qx * az
+    line[2] = qx * ay - qy * ax
+    line[3] = ax
+    line[4] = ay
+    line[5] = az
+
+
+@jit
+def _scale(x: float, y: float, z: float, g: float, h: float) -> float:
+    """Return σ of a point of the camera's frame; NaN where no pixel sees it."""
+    gh4 = 4.0 * g * h
+    rho2 = x * x + y * y
+    square = z * z - gh4 * rho2
+    if not square >= 0.0:
+        return math.nan
+    w = math.sqrt(square)
+    # Behind the image plane Z + w cancels; the other form of the same root does not.
+    sigma = 2.0 * g / (z + w) if z > 0.0 else 2.0 * g * (z - w) / (gh4 * rho2)
+    return sigma if sigma > 0.0 else math.nan

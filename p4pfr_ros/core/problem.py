@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+One view as the kernels want it, and what the loops may ask of it.
+
+The camera is unknown (``free_camera``) or known (``known_camera``): a flag in the problem, not a
+function handed to the loops, because Numba cannot keep a function on disk that has functions
+among its arguments. The branch it costs is always taken the same way.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from . import free_camera, known_camera
+from .camera import DivisionCamera
+from .free_camera import Gates
+from .geometry import Array, Ints
+from .jit import jit
+from .minimal import Workspace
+
+# The unknowns: pose and camera, or pose alone where the camera is known.
+POSE_AND_CAMERA = 8
+POSE = 6
+
+
+class Problem(NamedTuple):
+    """
+    One view of a board.
+
+    image (N, 2) px from the centre, board (N, 2) about its mean; unknowns says whether the camera
+    is among them. Where it is not, rays (N, 3) and across (N, 2, 3) are its rays.
+    """
+
+    image: Array
+    board: Array
+    unknowns: int
+    gates: Gates
+    rays: Array
+    across: Array
+
+
+def free_problem(image: Array, board: Array, gates: Gates) -> Problem:
+    """Make the problem of pose and camera."""
+    return Problem(image, board, POSE_AND_CAMERA, gates, np.empty((0, 3)), np.empty((0, 2, 3)))
+
+
+def known_problem(image: Array, board: Array, gates: Gates, camera: DivisionCamera) -> Problem:
+    """Make the problem of the pose alone."""
+    center = np.asarray(camera.center_px)
+    rays, across = known_camera.rays_and_across(camera, image + center)
+    return Problem(image, board, POSE, gates, rays, across)
+
+
+@jit
+def hypotheses(problem: Problem, chosen: Ints, rows: Array, room: Workspace) -> int:
+    """Solve the four chosen points; write the plausible solutions; return their number."""
+    for i in range(4):
+        for j in range(2):
+            room.sample_image[i, j] = problem.image[chosen[i], j]
+            room.sample_board[i, j] = problem.board[chosen[i], j]
+    if problem.unknowns == POSE:
+        return known_camera.hypothesis(problem.rays, chosen, rows[0], room)
+    return free_camera.hypotheses(problem.gates, rows, room)
+
+
+@jit
+def plausible(row: Array, problem: Problem) -> bool:
+    """Say whether the row's camera is one that is built; a known one always is."""
+    return problem.unknowns == POSE or free_camera.plausible(row, problem.gates)
+
+
+@jit
+def squared_error(row: Array, problem: Problem, i: int) -> float:
+    """Return the squared reprojection error of point i, px²; infinite where it is not seen."""
+    if problem.unknowns == POSE:
+        return known_camera.squared_error(
+            row, problem.board[i], problem.rays[i], problem.across[i]
+        )
+    return free_camera.squared_error(row, problem.board[i], problem.image[i])
+
+
+@jit
+def linearise(row: Array, problem: Problem, i: int, jacobian: Array) -> None:
+    """
+    Write the (2, 9) derivatives and residual of point i, px; NaN where it is not seen.
+
+    Columns: by the rotation (radians about the camera's axes), the translation, g, h; residual.
+    """
+    if problem.unknowns == POSE:
+        known_camera.linearise(row, problem.board[i], problem.rays[i], problem.across[i], jacobian)
+    else:
+        free_camera.linearise(row, problem.board[i], problem.image[i], jacobian)
+
+
+@jit
+def squared_errors(row: Array, problem: Problem, squares: Array) -> None:
+    """Write all the squared errors, (N,) px²."""
+    for i in range(len(problem.image)):
+        squares[i] = squared_error(row, problem, i)
