@@ -13,6 +13,7 @@ about its own side or diagonal, and k when all four points have one distance fro
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -78,7 +79,7 @@ def solve_p4pfr(image_points: ArrayLike, board_points: ArrayLike) -> list[Soluti
     image = as_points(image_points, 'image_points', (4, 2))
     board = as_points(board_points, 'board_points', (4, 2))
     rows = np.empty((MAX_ROOTS, ROW_SIZE))
-    count = solve_minimal(image, board, rows, workspace())
+    count = solve_unfolded(image, board, rows, workspace())
     return [solution_from_row(row, (0.0, 0.0)) for row in rows[:count]]
 
 
@@ -139,7 +140,24 @@ def workspace() -> Workspace:
 @jit
 def _solve_all(image: Array, board: Array, rows: Array, count: Ints, room: Workspace) -> None:
     for i in range(len(count)):
-        count[i] = solve_minimal(image[i], board[i], rows[i], room)
+        count[i] = solve_unfolded(image[i], board[i], rows[i], room)
+        rows[i, count[i] :] = math.nan
+
+
+@jit
+def solve_unfolded(image: Array, board: Array, rows: Array, room: Workspace) -> int:
+    """Do as ``solve_minimal``, and leave out what no lens does."""
+    # k > 0 bends the rays back beyond r = 1/√k: the point's pixel is then the nearer of two, and
+    # a solution that has it at the farther one satisfies the equations, but not the projection.
+    farthest2 = 0.0
+    for i in range(4):
+        farthest2 = max(farthest2, image[i, 0] ** 2 + image[i, 1] ** 2)
+    kept = 0
+    for s in range(solve_minimal(image, board, rows, room)):
+        if rows[s, H] * farthest2 < rows[s, G]:
+            rows[kept] = rows[s]
+            kept += 1
+    return kept
 
 
 @jit

@@ -25,7 +25,7 @@ from .solution import ROW_SIZE
 
 # A new best hypothesis is refined in few steps, at first with a wide gate: four noisy points
 # make a model that misses many of its inliers.
-_WIDE = 9.0
+_WIDE = 100.0
 _WIDE_STEPS = 3
 _LOCAL_STEPS = 6
 _LOCAL_TOLERANCE = 1e-3

@@ -14,12 +14,15 @@ from .camera import DivisionCamera
 from .estimate import PoseEstimate, RansacOptions, Stop
 from .free_camera import Gates
 from .geometry import Array, as_points
-from .least_squares import normal_equations
+from .least_squares import minimise, normal_equations
 from .problem import free_problem, hypotheses, known_problem, POSE, Problem, squared_errors
 from .ransac import ransac_room, Search, search_best
 from .sextic import MAX_ROOTS
 from .solution import G, H, ROW_SIZE, Solution, solution_from_row, TRANSLATION
 from .uncertainty import covariance_from, noise_variance, Observability, observability_of
+
+_STEPS = 100
+_TOLERANCE = 1e-13
 
 
 def estimate_pose(
@@ -71,9 +74,7 @@ def estimate_pose(
     else:
         problem = known_problem(image - center, board - mean, gates, camera)
     estimation = _Estimation(problem, mean, camera, options)
-    if len(image) == 4 and problem.unknowns != POSE:
-        return estimation.from_four()
-    return estimation.from_many()
+    return estimation.from_four() if len(image) == 4 else estimation.from_many()
 
 
 def _center_and_corner(
@@ -129,6 +130,10 @@ class _Estimation:
         count = hypotheses(self.problem, np.arange(4), rows, room.solver)
         if count == 0:
             return _nothing(Stop.NO_SOLUTION, 4, 1)
+        if self.problem.unknowns == POSE:
+            # Eight numbers for six unknowns: least squares over all four, none an outlier yet.
+            minimise(rows[0], self.problem, math.inf, _STEPS, _TOLERANCE, room.refine)
+            return self._describe(rows[0], None, Stop.FOUR_POINTS, 1)
         ranked = sorted(rows[:count], key=lambda row: _surprise(row, self.problem.gates.corner_px))
         return self._describe(ranked[0], ranked[1:], Stop.FOUR_POINTS, 1)
 
@@ -144,33 +149,31 @@ class _Estimation:
             options.seed,
         )
         best = np.empty(ROW_SIZE)
-        room = ransac_room()
-        iterations, cost = search_best(self.problem, search, best, room)
+        iterations, cost = search_best(self.problem, search, best, ransac_room())
         if not cost < math.inf:
             return _nothing(Stop.NO_SOLUTION, n, iterations)
         spent = iterations == options.max_iterations
-        stop = Stop.SPENT if spent else Stop.CONFIDENT
-        estimate = self._describe(best, [], stop, iterations)
-        if estimate.inliers.sum() < min(n, options.min_inliers):
-            return _nothing(Stop.NO_CONSENSUS, n, iterations)
-        return estimate
+        return self._describe(best, None, Stop.SPENT if spent else Stop.CONFIDENT, iterations)
 
     def _describe(
-        self, row: Array, others: list[Array], stop: Stop, iterations: int
+        self, row: Array, others: list[Array] | None, stop: Stop, iterations: int
     ) -> PoseEstimate:
-        """Say of a row all that there is to say; the others are its alternatives."""
+        """Say of a row all that there is to say; others None: the flip is sought."""
+        n = len(self.problem.image)
         limit = self.options.threshold_px**2
-        room = ransac_room().refine
-        squares = np.empty(len(self.problem.image))
+        squares = np.empty(n)
         squared_errors(row, self.problem, squares)
         inliers = squares < limit
+        if inliers.sum() < min(n, self.options.min_inliers):
+            return _nothing(Stop.NO_CONSENSUS, n, iterations)
+        room = ransac_room().refine
         unknowns = self.problem.unknowns
         count = normal_equations(row, self.problem, limit, room)
         variance = noise_variance(
             float(squares[inliers].sum()), count, unknowns, self.options.sigma_px
         )
         covariance = covariance_from(room.normal[:, :8], unknowns, variance, row, self.board_mean)
-        if stop is not Stop.FOUR_POINTS:
+        if others is None:
             cost = float(np.minimum(squares, limit).sum())
             flip = flipped_optimum(self.problem, row, cost, limit, variance, room)
             others = [] if flip is None else [flip]
@@ -179,7 +182,7 @@ class _Estimation:
             model=model,
             stop=stop,
             inliers=inliers,
-            rms_px=float(np.sqrt(squares[inliers].mean())) if inliers.any() else math.nan,
+            rms_px=float(np.sqrt(squares[inliers].mean())),
             iterations=iterations,
             covariance=covariance,
             alternatives=tuple(self._solution(other) for other in others),
