@@ -21,6 +21,8 @@ from .jit import jit
 from .minimal import solve_minimal, Workspace
 from .solution import G, H, TRANSLATION
 
+_SMALLEST_W = 1e-100
+
 
 class Gates(NamedTuple):
     """What a camera must be: the corner's distance from the centre, and bounds on what it sees."""
@@ -75,8 +77,12 @@ def linearise(row: Array, board: Array, image: Array, jacobian: Array) -> None:
     x, y, z = qx + row[TRANSLATION], qy + row[TRANSLATION + 1], qz + row[TRANSLATION + 2]
     g, h = row[G], row[H]
     sigma = _scale(x, y, z, g, h)
+    if not sigma > 0.0:
+        jacobian[0, 8] = jacobian[1, 8] = math.nan
+        return
     rho2 = x * x + y * y
-    w = math.sqrt(max(z * z - 4.0 * g * h * rho2, 0.0))
+    # At the fold, w = 0, the derivatives are infinite; huge ones end no step either.
+    w = max(math.sqrt(max(z * z - 4.0 * g * h * rho2, 0.0)), _SMALLEST_W)
     # dσ = s_x dX + s_y dY + s_z dZ + s_g dg + s_h dh
     s_x, s_y = 2.0 * h * sigma * sigma * x / w, 2.0 * h * sigma * sigma * y / w
     s_z, s_g, s_h = -sigma / w, 1.0 / w, rho2 * sigma * sigma / w

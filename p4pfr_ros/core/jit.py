@@ -9,12 +9,15 @@ numbers; interpreted, it is some hundred times slower. ``NUMBA_DISABLE_JIT=1`` a
 from __future__ import annotations
 
 from collections.abc import Callable
+import functools
 import hashlib
 import os
 from pathlib import Path
 import sys
-from typing import Any, TypeVar
+from typing import Any, cast, TypeVar
 import warnings
+
+import numpy as np
 
 try:
     import numba
@@ -34,7 +37,7 @@ _OPTIONS = {'error_model': 'numpy', 'nogil': True}
 def jit(function: Function) -> Function:
     """Compile a kernel on its first call, and keep the result on disk."""
     if not COMPILED:
-        return function
+        return _interpreted(function)
     # Numba looks at the one file that a kernel stands in, and would go on using a stale copy
     # when a kernel that it calls, in another file, has changed. So the cache's folder is named
     # after the whole package's sources. It is read at the moment of decoration only.
@@ -45,6 +48,16 @@ def jit(function: Function) -> Function:
     finally:
         numba.config.CACHE_DIR = previous
     return compiled
+
+
+def _interpreted(function: Function) -> Function:
+    @functools.wraps(function)
+    def quiet(*arguments: Any) -> Any:
+        # Compiled code makes NaN and infinity without a word, and the kernels look for them.
+        with np.errstate(all='ignore'):
+            return function(*arguments)
+
+    return cast(Function, quiet)
 
 
 def _cache_folder() -> Path:

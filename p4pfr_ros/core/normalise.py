@@ -16,6 +16,8 @@ def scale_image(image: Array, scaled: Array) -> float:
     scale_px = 0.0
     for i in range(4):
         scale_px = max(scale_px, math.hypot(image[i, 0], image[i, 1]))
+    if not scale_px > 0.0:
+        return 0.0
     inverse = 1.0 / scale_px
     for i in range(4):
         scaled[i, 0] = image[i, 0] * inverse

@@ -17,10 +17,12 @@ def pose_from_root(f: Factors, tau: float, row: Array) -> bool:
     """Write rotation, focal length and h of a root; its translation slot holds the scale."""
     at = evaluate(f, tau)
     norm = at.z.real * at.z.real + at.z.imag * at.z.imag
-    focal = math.sqrt(max(0.0, -at.re)) * abs(at.d) / norm
-    # No focal length: q + f² z²/d² = 0 asks for f² ≤ 0, or z = 0 leaves it open (fronto-parallel).
-    # d = 0 leaves k open; NaN and infinity fail the comparisons too.
-    if not (0.0 < focal < math.inf and at.d != 0.0):
+    # q + f² z²/d² = 0: z = 0 (fronto-parallel) leaves f open, d = 0 leaves k open, and where the
+    # product is not negative f² would not be positive.
+    if not (norm > 0.0 and at.d != 0.0 and at.re < 0.0):
+        return False
+    focal = math.sqrt(-at.re) * abs(at.d) / norm
+    if not focal < math.inf:
         return False
     h1 = 0.5 * (at.u + at.v)
     h2 = -0.5j * (at.u - at.v)

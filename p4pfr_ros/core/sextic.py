@@ -217,7 +217,7 @@ def _bracketed_newton(f: Factors, low: float, high: float, sign_at_low: float) -
             low = tau
         else:
             high = tau
-        step = tau - value.sextic / value.slope
+        step = tau - value.sextic / value.slope if value.slope != 0.0 else low
         if not low < step < high:
             step = 0.5 * (low + high)
         if abs(step - tau) <= _TAU_ROUNDING:

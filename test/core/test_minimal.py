@@ -40,7 +40,8 @@ def solutions(drawn, batch):
 def test_truth_is_among_the_solutions(kind, sample):
     drawn = instances(kind, sample(10_000))
     batch = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
-    assert np.mean(errors(drawn, batch) < 1e-6) >= RECALL[kind]
+    missed = np.sum(errors(drawn, batch) >= 1e-6)
+    assert missed <= 1 + (1.0 - RECALL[kind]) * len(drawn)
 
 
 @pytest.mark.parametrize('kind', KINDS)
