@@ -51,9 +51,9 @@ def _unit(rays: Array) -> Array:
 def hypothesis(rays: Array, chosen: Ints, row: Array, room: Workspace) -> int:
     """Write the pose of the room's sample, where there is one; return 1 or 0."""
     a, b, c, d = rays[chosen[0]], rays[chosen[1]], rays[chosen[2]], rays[chosen[3]]
-    m = board_weights(room.sample_board)
+    m = room.weights
     # With three points of the board on a line the fourth's depth is open to Cramer's rule.
-    if m[0] == 0.0 or m[1] == 0.0 or m[2] == 0.0 or m[3] == 0.0:
+    if not board_weights(room.sample_board, m) or m[0] * m[1] * m[2] * m[3] == 0.0:
         return 0
     depths = (
         _determinant(b, c, d) / m[0],

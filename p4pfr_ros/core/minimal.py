@@ -25,7 +25,7 @@ from .jit import jit
 from .normalise import board_duals, scale_image, unscale
 from .polish import polish
 from .recover import place_centroid, pose_from_root
-from .sextic import factors, MAX_ROOTS, real_roots, STACK_SIZE
+from .sextic import factors, feasible_roots, MAX_ROOTS, STACK_SHAPE
 from .solution import G, H, ROW_SIZE, Solution, solution_from_row, TRANSLATION
 
 # A solution whose points miss their rays by a larger sine than this is none.
@@ -114,8 +114,12 @@ class Workspace(NamedTuple):
     sample_image: Array
     sample_board: Array
     image: Array
+    radius: Array
     board: Array
     duals: Array
+    weights: Array
+    plane: Array
+    rays: Array
     roots: Array
     stack: Array
     system: Array
@@ -128,10 +132,14 @@ def workspace() -> Workspace:
         np.empty((4, 2)),
         np.empty((4, 2)),
         np.empty((4, 2)),
+        np.empty(4),
         np.empty((4, 2)),
         np.empty((4, 2)),
+        np.empty(4),
+        np.empty((4, 4)),
+        np.empty((2, 4)),
         np.empty(MAX_ROOTS),
-        np.empty((STACK_SIZE, 2)),
+        np.empty(STACK_SHAPE),
         np.empty((8, 9)),
         np.empty(ROW_SIZE),
     )
@@ -169,33 +177,20 @@ def solve_minimal(image: Array, board: Array, rows: Array, room: Workspace) -> i
     for r in px (so that k = h f). ``rows`` is (6, ROW_SIZE); rows past the number stay as
     they were found or hold what was rejected.
     """
-    scale_px = scale_image(image, room.image)
-    if not scale_px > 0.0:
+    scale_px = scale_image(image, room.image, room.radius)
+    if not (scale_px > 0.0 and board_weights(board, room.weights)):
         return 0
-    weights = board_weights(board)
-    if weights[0] == 0.0 and weights[1] == 0.0:
-        return 0
-    x = (room.image[0, 0], room.image[1, 0], room.image[2, 0], room.image[3, 0])
-    y = (room.image[0, 1], room.image[1, 1], room.image[2, 1], room.image[3, 1])
-    cone = depth_cone(x, y, weights)
-    if not cone.found:
+    if not depth_cone(room.image, room.radius, room.weights, room.plane, room.rays):
         return 0
     size = board_duals(board, room.board, room.duals)
-    xi = (complex(x[0], y[0]), complex(x[1], y[1]), complex(x[2], y[2]), complex(x[3], y[3]))
-    r2 = (
-        x[0] * x[0] + y[0] * y[0],
-        x[1] * x[1] + y[1] * y[1],
-        x[2] * x[2] + y[2] * y[2],
-        x[3] * x[3] + y[3] * y[3],
-    )
-    f = factors(cone, xi, r2, room.duals)
+    f = factors(room.image, room.weights, room.rays, room.duals)
     count = 0
-    for i in range(real_roots(f, room.roots, room.stack)):
+    for i in range(feasible_roots(f, room.roots, room.stack)):
         row = rows[count]
         tau = room.roots[i]
         if not pose_from_root(f, tau, row):
             continue
-        place_centroid(cone.a, cone.b, tau, x, y, r2, row)
+        place_centroid(room.rays, tau, room.image, row)
         if polish(row, room.image, room.board, room.system, room.trial) > _MAX_RESIDUAL:
             continue
         if not row[G] > 0.0:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 
-from .cone import Four
 from .geometry import Array
 from .jit import jit
 from .sextic import evaluate, Factors
@@ -62,15 +61,16 @@ def orthogonal_factor(h1: complex, h2: complex, h3: complex, row: Array) -> floa
 
 
 @jit
-def place_centroid(a: Four, b: Four, tau: float, x: Four, y: Four, r2: Four, row: Array) -> None:
+def place_centroid(rays: Array, tau: float, image: Array, row: Array) -> None:
     """Replace the scale in the translation slot by the centroid in the camera's frame."""
     scale = 0.25 / row[TRANSLATION]
     tx = ty = tz = 0.0
     for i in range(4):
-        depth = (1.0 - tau) * a[i] + tau * b[i]
-        tx += depth * x[i]
-        ty += depth * y[i]
-        tz += depth * (row[G] + row[H] * r2[i])
+        depth = (1.0 - tau) * rays[0, i] + tau * rays[1, i]
+        x, y = image[i, 0], image[i, 1]
+        tx += depth * x
+        ty += depth * y
+        tz += depth * (row[G] + row[H] * (x * x + y * y))
     row[TRANSLATION] = scale * tx
     row[TRANSLATION + 1] = scale * ty
     row[TRANSLATION + 2] = scale * tz

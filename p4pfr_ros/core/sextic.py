@@ -27,7 +27,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .cone import Cone, Four
 from .geometry import Array
 from .jit import jit
 
@@ -36,14 +35,24 @@ MAX_ROOTS = 6
 # An interval this short with two roots or more left holds a multiple root, to rounding.
 _SHORTEST = 1e-13
 
-# Newton's method, kept inside its bracket by bisection, needs some five steps.
-_MAX_NEWTON_STEPS = 64
-_TAU_ROUNDING = 1.2e-16
-
-# The bisection's stack: halves down to _SHORTEST, the other half of each waiting. Where the
-# sextic is zero throughout (nothing to observe), rounding gives it signs at every depth.
-STACK_SIZE = 64
+# Where the sextic is zero throughout (nothing to observe), rounding gives it signs at every depth.
 _MAX_INTERVALS = 600
+
+# Halving costs coefficients the digits by which they shrink. Those that have shrunk to this share
+# of what they were formed as are formed again, from the factors.
+_TOO_SMALL = 1e-3
+
+# Newton's method, kept inside its bracket, needs some four steps. It is over when a step is lost
+# in rounding, or is so small and yet no smaller than the one before that it must be rounding.
+_MAX_NEWTON_STEPS = 64
+_TAU_ROUNDING = 3e-16
+_TAU_SMALL = 1e-9
+
+# A waiting interval: its ends, the size its coefficients were formed with, and the Bernstein
+# coefficients of Re(q z̄²) and of Im(q z̄²). Halves down to _SHORTEST, the other half of each
+# waiting, make at most some fifty.
+STACK_SHAPE = (64, 17)
+_LOW, _HIGH, _SIZE, _REAL, _IMAGINARY = 0, 1, 2, 3, 10
 
 
 class Factors(NamedTuple):
@@ -77,28 +86,28 @@ class Value(NamedTuple):
 
 
 @jit
-def factors(
-    cone: Cone, xi: tuple[complex, complex, complex, complex], r2: Four, duals: Array
-) -> Factors:
+def factors(image: Array, m: Array, rays: Array, duals: Array) -> Factors:
     """Sum the six functions at both ends; duals is c, (4, 2) as real and imaginary part."""
     u0 = u1 = v0 = v1 = l0 = l1 = p0 = p1 = 0.0j
     n0 = n1 = d0 = d1 = 0.0
     for i in range(4):
+        x, y = image[i, 0], image[i, 1]
+        a, b = rays[0, i], rays[1, i]
         c = complex(duals[i, 0], duals[i, 1])
-        a, b, m = cone.a[i], cone.b[i], cone.m[i]
-        direct, mirrored, radial = xi[i] * c, xi[i].conjugate() * c, r2[i] * c
+        direct, mirrored = complex(x, y) * c, complex(x, -y) * c
+        r2 = x * x + y * y
         u0 += a * direct
         u1 += b * direct
         v0 += a * mirrored
         v1 += b * mirrored
         l0 += a * c
         l1 += b * c
-        p0 += a * radial
-        p1 += b * radial
-        n0 += a * m
-        n1 += b * m
-        d0 += a * m * r2[i]
-        d1 += b * m * r2[i]
+        p0 += a * r2 * c
+        p1 += b * r2 * c
+        n0 += a * m[i]
+        n1 += b * m[i]
+        d0 += a * m[i] * r2
+        d1 += b * m[i] * r2
     return Factors(u0, u1, v0, v1, l0, l1, p0, p1, n0, n1, d0, d1)
 
 
@@ -125,49 +134,100 @@ def evaluate(f: Factors, tau: float) -> Value:
 
 
 @jit
-def real_roots(f: Factors, roots: Array, stack: Array) -> int:
+def feasible_roots(f: Factors, roots: Array, stack: Array) -> int:
     """
-    Write the roots of the sextic in (0, 1) to ``roots`` (6,) and return their number.
+    Write the roots in (0, 1) where f² can be positive to ``roots`` (6,); return their number.
 
-    ``stack`` is (STACK_SIZE, 2) of room for intervals.
+    ``stack`` (STACK_SHAPE) is room for intervals.
     """
     found = 0
     waiting = 1
-    stack[0, 0] = 0.0
-    stack[0, 1] = 1.0
+    _form(f, 0.0, 1.0, stack[0])
     for _ in range(_MAX_INTERVALS):
         if waiting == 0 or found == MAX_ROOTS:
             break
         waiting -= 1
-        low = stack[waiting, 0]
-        high = stack[waiting, 1]
-        variations, sign = _descartes(f, low, high)
+        interval = stack[waiting]
+        # f² > 0 asks for Re(q z̄²) < 0, and coefficients bound their polynomial.
+        if not _any_negative(interval):
+            continue
+        variations = _variations(interval)
         if variations == 0:
             continue
         if variations == 1:
-            roots[found] = _bracketed_newton(f, low, high, sign)
+            roots[found] = _bracketed_newton(f, interval)
             found += 1
-        elif high - low < _SHORTEST:
-            roots[found] = 0.5 * (low + high)
+        elif interval[_HIGH] - interval[_LOW] < _SHORTEST:
+            roots[found] = 0.5 * (interval[_LOW] + interval[_HIGH])
             found += 1
         else:
-            middle = 0.5 * (low + high)
-            stack[waiting, 0] = middle
-            stack[waiting, 1] = high
-            stack[waiting + 1, 0] = low
-            stack[waiting + 1, 1] = middle
+            left = stack[waiting + 1]
+            _halve(f, interval, left)
+            # A root at the middle itself, as symmetric boards have it, shows in neither half.
+            if left[_IMAGINARY + 6] == 0.0 and left[_REAL + 6] < 0.0:
+                roots[found] = left[_HIGH]
+                found += 1
             waiting += 2
     return found
 
 
 @jit
-def _descartes(f: Factors, low: float, high: float) -> tuple[int, float]:
+def _any_negative(interval: Array) -> bool:
+    lowest = 0.0
+    for i in range(7):
+        lowest = min(lowest, interval[_REAL + i])
+    return lowest < 0.0
+
+
+@jit
+def _variations(interval: Array) -> int:
     """
-    Count the sign variations of the sextic's Bernstein coefficients over an interval.
+    Count the sign variations of the sextic's Bernstein coefficients.
 
     Descartes: none means no root inside, one means exactly one, more mean at most as many.
-    Returned too is the sign at the lower end.
     """
+    variations = 0
+    last = 0.0
+    for i in range(7):
+        coefficient = interval[_IMAGINARY + i]
+        if coefficient != 0.0:
+            if last * coefficient < 0.0:
+                variations += 1
+            last = coefficient
+    return variations
+
+
+@jit
+def _halve(f: Factors, interval: Array, left: Array) -> None:
+    """Write the left half to ``left``, and the right half in place: de Casteljau's scheme."""
+    middle = 0.5 * (interval[_LOW] + interval[_HIGH])
+    left[_LOW], left[_HIGH], left[_SIZE] = interval[_LOW], middle, interval[_SIZE]
+    interval[_LOW] = middle
+    for j in range(7):
+        left[_REAL + j] = interval[_REAL]
+        left[_IMAGINARY + j] = interval[_IMAGINARY]
+        for i in range(6 - j):
+            interval[_REAL + i] = 0.5 * (interval[_REAL + i] + interval[_REAL + i + 1])
+            interval[_IMAGINARY + i] = 0.5 * (
+                interval[_IMAGINARY + i] + interval[_IMAGINARY + i + 1]
+            )
+    # Both are formed again or none is: they must agree on the sign in the middle.
+    if min(_largest(left), _largest(interval)) < _TOO_SMALL * interval[_SIZE]:
+        _form(f, left[_LOW], middle, left)
+        _form(f, middle, interval[_HIGH], interval)
+
+
+@jit
+def _largest(interval: Array) -> float:
+    largest = 0.0
+    for i in range(7):
+        largest = max(largest, abs(interval[_IMAGINARY + i]))
+    return largest
+
+
+@jit
+def _form(f: Factors, low: float, high: float, interval: Array) -> None:
+    """Write the Bernstein coefficients of q z̄² over an interval, formed from the factors."""
     # The factors' values at the interval's ends are all that changes with the interval.
     s, t = 1.0 - low, 1.0 - high
     u0, u1 = s * f.u0 + low * f.u1, t * f.u0 + high * f.u1
@@ -176,51 +236,66 @@ def _descartes(f: Factors, low: float, high: float) -> tuple[int, float]:
     p0, p1 = s * f.p0 + low * f.p1, t * f.p0 + high * f.p1
     n0, n1 = s * f.n0 + low * f.n1, t * f.n0 + high * f.n1
     d0, d1 = s * f.d0 + low * f.d1, t * f.d0 + high * f.d1
-    # Bernstein coefficients of products, each times its binomial: so they multiply like
-    # polynomials. q has degree 2, z degree 2, w = z̄² degree 4.
+    # Bernstein coefficients, each times its binomial, multiply like polynomials. q has degree 2,
+    # z degree 2, w = z̄² degree 4.
     q0, q1, q2 = u0 * v0, u0 * v1 + u1 * v0, u1 * v1
     z0 = (d0 * l0 - n0 * p0).conjugate()
     z1 = (d0 * l1 + d1 * l0 - n0 * p1 - n1 * p0).conjugate()
     z2 = (d1 * l1 - n1 * p1).conjugate()
     w0, w1, w2, w3, w4 = z0 * z0, 2.0 * z0 * z1, z1 * z1 + 2.0 * z0 * z2, 2.0 * z1 * z2, z2 * z2
-    # Dividing by the binomials of degree 6 would leave the signs as they are.
-    coefficients = (
-        (q0 * w0).imag,
-        (q0 * w1 + q1 * w0).imag,
-        (q0 * w2 + q1 * w1 + q2 * w0).imag,
-        (q0 * w3 + q1 * w2 + q2 * w1).imag,
-        (q0 * w4 + q1 * w3 + q2 * w2).imag,
-        (q1 * w4 + q2 * w3).imag,
-        (q2 * w4).imag,
-    )
-    variations = 0
-    first = last = 0.0
-    for coefficient in coefficients:
-        if coefficient != 0.0:
-            if last * coefficient < 0.0:
-                variations += 1
-            if first == 0.0:
-                first = coefficient
-            last = coefficient
-    return variations, first
+    _put(interval, 0, q0 * w0)
+    _put(interval, 1, (q0 * w1 + q1 * w0) * (1.0 / 6.0))
+    _put(interval, 2, (q0 * w2 + q1 * w1 + q2 * w0) * (1.0 / 15.0))
+    _put(interval, 3, (q0 * w3 + q1 * w2 + q2 * w1) * (1.0 / 20.0))
+    _put(interval, 4, (q0 * w4 + q1 * w3 + q2 * w2) * (1.0 / 15.0))
+    _put(interval, 5, (q1 * w4 + q2 * w3) * (1.0 / 6.0))
+    _put(interval, 6, q2 * w4)
+    interval[_LOW], interval[_HIGH], interval[_SIZE] = low, high, _largest(interval)
 
 
 @jit
-def _bracketed_newton(f: Factors, low: float, high: float, sign_at_low: float) -> float:
-    """Find the one root between low and high: Newton's steps, bisection where they leave."""
-    tau = 0.5 * (low + high)
+def _put(interval: Array, i: int, coefficient: complex) -> None:
+    interval[_REAL + i] = coefficient.real
+    interval[_IMAGINARY + i] = coefficient.imag
+
+
+@jit
+def _bracketed_newton(f: Factors, interval: Array) -> float:
+    """Find the one root of an interval: Newton's steps, bisection where they leave."""
+    low, high = interval[_LOW], interval[_HIGH]
+    tau, rising = _first_guess(interval)
+    before = high - low
     for _ in range(_MAX_NEWTON_STEPS):
         value = evaluate(f, tau)
-        if value.sextic == 0.0:
-            return tau
-        if (value.sextic > 0.0) == (sign_at_low > 0.0):
+        if (value.sextic < 0.0) == rising:
             low = tau
         else:
             high = tau
-        step = tau - value.sextic / value.slope if value.slope != 0.0 else low
-        if not low < step < high:
-            step = 0.5 * (low + high)
-        if abs(step - tau) <= _TAU_ROUNDING:
-            return step
-        tau = step
+        step = -value.sextic / value.slope if value.slope != 0.0 else high - low
+        size = abs(step)
+        if size <= _TAU_ROUNDING or (size < _TAU_SMALL and size > 0.5 * before):
+            return tau
+        before = size
+        tau += step
+        if not low < tau < high:
+            tau = 0.5 * (low + high)
     return tau
+
+
+@jit
+def _first_guess(interval: Array) -> tuple[float, bool]:
+    """Return where the polygon of the coefficients crosses zero, and whether it rises there."""
+    at = 0
+    before = after = 0.0
+    for i in range(7):
+        after = interval[_IMAGINARY + i]
+        if before * after < 0.0:
+            share = (at + (i - at) * before / (before - after)) / 6.0
+            break
+        # Zeros are stepped over, as they are in counting the variations.
+        if after != 0.0:
+            at, before = i, after
+    else:
+        share = 0.5
+    tau = interval[_LOW] + (interval[_HIGH] - interval[_LOW]) * share
+    return tau, after > before
