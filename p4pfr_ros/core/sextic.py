@@ -32,15 +32,16 @@ from .jit import jit
 
 MAX_ROOTS = 6
 
+Seven = tuple[complex, complex, complex, complex, complex, complex, complex]
+
 # An interval this short with two roots or more left holds a multiple root, to rounding.
 _SHORTEST = 1e-13
 
 # Where the sextic is zero throughout (nothing to observe), rounding gives it signs at every depth.
 _MAX_INTERVALS = 600
 
-# Halving costs coefficients the digits by which they shrink. Those that have shrunk to this share
-# of what they were formed as are formed again, from the factors.
-_TOO_SMALL = 1e-3
+# An interval is split where its roots seem to lie apart, but not closer to its ends than this.
+_MARGIN = 0.05
 
 # Newton's method, kept inside its bracket, needs some four steps. It is over when a step is lost
 # in rounding, or is so small and yet no smaller than the one before that it must be rounding.
@@ -48,11 +49,8 @@ _MAX_NEWTON_STEPS = 64
 _TAU_ROUNDING = 3e-16
 _TAU_SMALL = 1e-9
 
-# A waiting interval: its ends, the size its coefficients were formed with, and the Bernstein
-# coefficients of Re(q z̄²) and of Im(q z̄²). Halves down to _SHORTEST, the other half of each
-# waiting, make at most some fifty.
-STACK_SHAPE = (64, 17)
-_LOW, _HIGH, _SIZE, _REAL, _IMAGINARY = 0, 1, 2, 3, 10
+# Waiting intervals: depth first, one half of each kept, down to _SHORTEST.
+STACK_SHAPE = (1024, 2)
 
 
 class Factors(NamedTuple):
@@ -142,92 +140,79 @@ def feasible_roots(f: Factors, roots: Array, stack: Array) -> int:
     """
     found = 0
     waiting = 1
-    _form(f, 0.0, 1.0, stack[0])
+    stack[0, 0], stack[0, 1] = 0.0, 1.0
     for _ in range(_MAX_INTERVALS):
         if waiting == 0 or found == MAX_ROOTS:
             break
         waiting -= 1
-        interval = stack[waiting]
-        # f² > 0 asks for Re(q z̄²) < 0, and coefficients bound their polynomial.
-        if not _any_negative(interval):
+        low, high = stack[waiting, 0], stack[waiting, 1]
+        signs = _signs(_coefficients(f, low, high))
+        if signs.variations == 0 or not signs.feasible:
             continue
-        variations = _variations(interval)
-        if variations == 0:
-            continue
-        if variations == 1:
-            roots[found] = _bracketed_newton(f, interval)
+        if signs.variations == 1:
+            guess = low + (high - low) * signs.first
+            roots[found] = _bracketed_newton(f, low, high, guess, signs.rising)
             found += 1
-        elif interval[_HIGH] - interval[_LOW] < _SHORTEST:
-            roots[found] = 0.5 * (interval[_LOW] + interval[_HIGH])
+        elif high - low < _SHORTEST:
+            roots[found] = 0.5 * (low + high)
             found += 1
         else:
-            left = stack[waiting + 1]
-            _halve(f, interval, left)
-            # A root at the middle itself, as symmetric boards have it, shows in neither half.
-            if left[_IMAGINARY + 6] == 0.0 and left[_REAL + 6] < 0.0:
-                roots[found] = left[_HIGH]
+            share = 0.5 * (signs.first + signs.second)
+            split = low + (high - low) * min(max(share, _MARGIN), 1.0 - _MARGIN)
+            # A root at the split itself, as symmetric boards have it, shows in neither part.
+            at = evaluate(f, split)
+            if at.sextic == 0.0 and at.re < 0.0:
+                roots[found] = split
                 found += 1
+            stack[waiting, 0], stack[waiting, 1] = split, high
+            stack[waiting + 1, 0], stack[waiting + 1, 1] = low, split
             waiting += 2
     return found
 
 
+class Signs(NamedTuple):
+    """
+    What the signs of an interval's Bernstein coefficients say.
+
+    Descartes: no variation means no root inside, one means exactly one, more mean at most as
+    many. first and second are where the coefficients' polygon crosses zero, as shares of the
+    interval; rising says whether the first crossing does.
+    """
+
+    feasible: bool
+    variations: int
+    first: float
+    second: float
+    rising: bool
+
+
 @jit
-def _any_negative(interval: Array) -> bool:
+def _signs(coefficients: Seven) -> Signs:
+    variations = 0
+    first = second = 0.5
+    rising = False
+    at, before = 0, 0.0
     lowest = 0.0
     for i in range(7):
-        lowest = min(lowest, interval[_REAL + i])
-    return lowest < 0.0
+        # f² > 0 asks for Re(q z̄²) < 0, and coefficients bound their polynomial.
+        lowest = min(lowest, coefficients[i].real)
+        after = coefficients[i].imag
+        if before * after < 0.0:
+            crossing = (at + (i - at) * before / (before - after)) / 6.0
+            if variations == 0:
+                first = crossing
+                rising = after > 0.0
+            elif variations == 1:
+                second = crossing
+            variations += 1
+        if after != 0.0:
+            at, before = i, after
+    return Signs(lowest < 0.0, variations, first, second, rising)
 
 
 @jit
-def _variations(interval: Array) -> int:
-    """
-    Count the sign variations of the sextic's Bernstein coefficients.
-
-    Descartes: none means no root inside, one means exactly one, more mean at most as many.
-    """
-    variations = 0
-    last = 0.0
-    for i in range(7):
-        coefficient = interval[_IMAGINARY + i]
-        if coefficient != 0.0:
-            if last * coefficient < 0.0:
-                variations += 1
-            last = coefficient
-    return variations
-
-
-@jit
-def _halve(f: Factors, interval: Array, left: Array) -> None:
-    """Write the left half to ``left``, and the right half in place: de Casteljau's scheme."""
-    middle = 0.5 * (interval[_LOW] + interval[_HIGH])
-    left[_LOW], left[_HIGH], left[_SIZE] = interval[_LOW], middle, interval[_SIZE]
-    interval[_LOW] = middle
-    for j in range(7):
-        left[_REAL + j] = interval[_REAL]
-        left[_IMAGINARY + j] = interval[_IMAGINARY]
-        for i in range(6 - j):
-            interval[_REAL + i] = 0.5 * (interval[_REAL + i] + interval[_REAL + i + 1])
-            interval[_IMAGINARY + i] = 0.5 * (
-                interval[_IMAGINARY + i] + interval[_IMAGINARY + i + 1]
-            )
-    # Both are formed again or none is: they must agree on the sign in the middle.
-    if min(_largest(left), _largest(interval)) < _TOO_SMALL * interval[_SIZE]:
-        _form(f, left[_LOW], middle, left)
-        _form(f, middle, interval[_HIGH], interval)
-
-
-@jit
-def _largest(interval: Array) -> float:
-    largest = 0.0
-    for i in range(7):
-        largest = max(largest, abs(interval[_IMAGINARY + i]))
-    return largest
-
-
-@jit
-def _form(f: Factors, low: float, high: float, interval: Array) -> None:
-    """Write the Bernstein coefficients of q z̄² over an interval, formed from the factors."""
+def _coefficients(f: Factors, low: float, high: float) -> Seven:
+    """Return the Bernstein coefficients of q z̄² over an interval."""
     # The factors' values at the interval's ends are all that changes with the interval.
     s, t = 1.0 - low, 1.0 - high
     u0, u1 = s * f.u0 + low * f.u1, t * f.u0 + high * f.u1
@@ -243,27 +228,20 @@ def _form(f: Factors, low: float, high: float, interval: Array) -> None:
     z1 = (d0 * l1 + d1 * l0 - n0 * p1 - n1 * p0).conjugate()
     z2 = (d1 * l1 - n1 * p1).conjugate()
     w0, w1, w2, w3, w4 = z0 * z0, 2.0 * z0 * z1, z1 * z1 + 2.0 * z0 * z2, 2.0 * z1 * z2, z2 * z2
-    _put(interval, 0, q0 * w0)
-    _put(interval, 1, (q0 * w1 + q1 * w0) * (1.0 / 6.0))
-    _put(interval, 2, (q0 * w2 + q1 * w1 + q2 * w0) * (1.0 / 15.0))
-    _put(interval, 3, (q0 * w3 + q1 * w2 + q2 * w1) * (1.0 / 20.0))
-    _put(interval, 4, (q0 * w4 + q1 * w3 + q2 * w2) * (1.0 / 15.0))
-    _put(interval, 5, (q1 * w4 + q2 * w3) * (1.0 / 6.0))
-    _put(interval, 6, q2 * w4)
-    interval[_LOW], interval[_HIGH], interval[_SIZE] = low, high, _largest(interval)
+    return (
+        q0 * w0,
+        (q0 * w1 + q1 * w0) * (1.0 / 6.0),
+        (q0 * w2 + q1 * w1 + q2 * w0) * (1.0 / 15.0),
+        (q0 * w3 + q1 * w2 + q2 * w1) * (1.0 / 20.0),
+        (q0 * w4 + q1 * w3 + q2 * w2) * (1.0 / 15.0),
+        (q1 * w4 + q2 * w3) * (1.0 / 6.0),
+        q2 * w4,
+    )
 
 
 @jit
-def _put(interval: Array, i: int, coefficient: complex) -> None:
-    interval[_REAL + i] = coefficient.real
-    interval[_IMAGINARY + i] = coefficient.imag
-
-
-@jit
-def _bracketed_newton(f: Factors, interval: Array) -> float:
-    """Find the one root of an interval: Newton's steps, bisection where they leave."""
-    low, high = interval[_LOW], interval[_HIGH]
-    tau, rising = _first_guess(interval)
+def _bracketed_newton(f: Factors, low: float, high: float, tau: float, rising: bool) -> float:
+    """Find the one root between low and high from a guess: Newton, bisection where it leaves."""
     before = high - low
     for _ in range(_MAX_NEWTON_STEPS):
         value = evaluate(f, tau)
@@ -273,29 +251,10 @@ def _bracketed_newton(f: Factors, interval: Array) -> float:
             high = tau
         step = -value.sextic / value.slope if value.slope != 0.0 else high - low
         size = abs(step)
-        if size <= _TAU_ROUNDING or (size < _TAU_SMALL and size > 0.5 * before):
+        if size <= _TAU_ROUNDING or (size < _TAU_SMALL and size > 0.9 * before):
             return tau
         before = size
         tau += step
         if not low < tau < high:
             tau = 0.5 * (low + high)
     return tau
-
-
-@jit
-def _first_guess(interval: Array) -> tuple[float, bool]:
-    """Return where the polygon of the coefficients crosses zero, and whether it rises there."""
-    at = 0
-    before = after = 0.0
-    for i in range(7):
-        after = interval[_IMAGINARY + i]
-        if before * after < 0.0:
-            share = (at + (i - at) * before / (before - after)) / 6.0
-            break
-        # Zeros are stepped over, as they are in counting the variations.
-        if after != 0.0:
-            at, before = i, after
-    else:
-        share = 0.5
-    tau = interval[_LOW] + (interval[_HIGH] - interval[_LOW]) * share
-    return tau, after > before
