@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from .geometry import Array
 from .jit import jit
-from .minimal import solve_minimal, Workspace
+from .minimal import solve_minimal, UNFOLDED, Workspace
 from .solution import G, H, TRANSLATION
 
 _SMALLEST_W = 1e-100
@@ -37,7 +37,8 @@ class Gates(NamedTuple):
 def hypotheses(gates: Gates, rows: Array, room: Workspace) -> int:
     """Solve the room's sample; keep the plausible solutions in front; return their number."""
     kept = 0
-    for s in range(solve_minimal(room.sample_image, room.sample_board, rows, room)):
+    found = solve_minimal(room.sample_image, room.sample_board, UNFOLDED, rows, room)
+    for s in range(found):
         if plausible(rows[s], gates):
             rows[kept] = rows[s]
             kept += 1

@@ -28,6 +28,10 @@ from .recover import place_centroid, pose_from_root
 from .sextic import factors, feasible_roots, MAX_ROOTS, STACK_SHAPE
 from .solution import G, H, ROW_SIZE, Solution, solution_from_row, TRANSLATION
 
+# k > 0 bends the rays back beyond r = 1/√k: a point's pixel is then the nearer of two, and a
+# solution that has it at the farther one satisfies the equations, but not the projection.
+UNFOLDED = 1.0
+
 # A solution whose points miss their rays by a larger sine than this is none.
 _MAX_RESIDUAL = 1e-9
 
@@ -79,7 +83,7 @@ def solve_p4pfr(image_points: ArrayLike, board_points: ArrayLike) -> list[Soluti
     image = as_points(image_points, 'image_points', (4, 2))
     board = as_points(board_points, 'board_points', (4, 2))
     rows = np.empty((MAX_ROOTS, ROW_SIZE))
-    count = solve_unfolded(image, board, rows, workspace())
+    count = solve_minimal(image, board, UNFOLDED, rows, workspace())
     return [solution_from_row(row, (0.0, 0.0)) for row in rows[:count]]
 
 
@@ -148,30 +152,18 @@ def workspace() -> Workspace:
 @jit
 def _solve_all(image: Array, board: Array, rows: Array, count: Ints, room: Workspace) -> None:
     for i in range(len(count)):
-        count[i] = solve_unfolded(image[i], board[i], rows[i], room)
+        count[i] = solve_minimal(image[i], board[i], UNFOLDED, rows[i], room)
         rows[i, count[i] :] = math.nan
 
 
 @jit
-def solve_unfolded(image: Array, board: Array, rows: Array, room: Workspace) -> int:
-    """Do as ``solve_minimal``, and leave out what no lens does."""
-    # k > 0 bends the rays back beyond r = 1/√k: the point's pixel is then the nearer of two, and
-    # a solution that has it at the farther one satisfies the equations, but not the projection.
-    farthest2 = 0.0
-    for i in range(4):
-        farthest2 = max(farthest2, image[i, 0] ** 2 + image[i, 1] ** 2)
-    kept = 0
-    for s in range(solve_minimal(image, board, rows, room)):
-        if rows[s, H] * farthest2 < rows[s, G]:
-            rows[kept] = rows[s]
-            kept += 1
-    return kept
-
-
-@jit
-def solve_minimal(image: Array, board: Array, rows: Array, room: Workspace) -> int:
+def solve_minimal(
+    image: Array, board: Array, max_bend: float, rows: Array, room: Workspace
+) -> int:
     """
     Write the solutions of one problem to ``rows`` and return their number.
+
+    max_bend bounds k r² at the farthest point, for the k and r of one unit; infinity: no bound.
 
     Each row: rotation (9), translation (3), focal length in px, and h with ray depth f + h r²
     for r in px (so that k = h f). ``rows`` is (6, ROW_SIZE); rows past the number stay as
@@ -185,7 +177,7 @@ def solve_minimal(image: Array, board: Array, rows: Array, room: Workspace) -> i
     size = board_duals(board, room.board, room.duals)
     f = factors(room.image, room.weights, room.rays, room.duals)
     count = 0
-    for i in range(feasible_roots(f, room.roots, room.stack)):
+    for i in range(feasible_roots(f, max_bend, room.roots, room.stack)):
         row = rows[count]
         tau = room.roots[i]
         if not pose_from_root(f, tau, row):

@@ -13,24 +13,18 @@ from .solution import G, H, TRANSLATION
 @jit
 def scale_image(image: Array, scaled: Array, radius: Array) -> float:
     """Scale the farthest point to radius 1; write the radii (4,); return the scale, px."""
-    largest = 0.0
-    for i in range(4):
-        largest = max(largest, max(abs(image[i, 0]), abs(image[i, 1])))
-    if not largest > 0.0:
-        return 0.0
     farthest2 = 0.0
-    inverse = 1.0 / largest
     for i in range(4):
-        scaled[i, 0] = image[i, 0] * inverse
-        scaled[i, 1] = image[i, 1] * inverse
-        radius[i] = scaled[i, 0] * scaled[i, 0] + scaled[i, 1] * scaled[i, 1]
+        radius[i] = image[i, 0] * image[i, 0] + image[i, 1] * image[i, 1]
         farthest2 = max(farthest2, radius[i])
-    scale_px = math.sqrt(farthest2) * largest
+    if not 0.0 < farthest2 < math.inf:
+        return 0.0
+    scale_px = math.sqrt(farthest2)
     inverse = 1.0 / scale_px
     for i in range(4):
         scaled[i, 0] = image[i, 0] * inverse
         scaled[i, 1] = image[i, 1] * inverse
-        radius[i] = math.sqrt(radius[i] / farthest2)
+        radius[i] = math.sqrt(radius[i]) * inverse
     return scale_px
 
 

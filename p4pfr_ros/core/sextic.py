@@ -25,6 +25,7 @@ keeps their relative accuracy however small the interval is. That is the subdivi
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from .geometry import Array
@@ -132,15 +133,15 @@ def evaluate(f: Factors, tau: float) -> Value:
 
 
 @jit
-def feasible_roots(f: Factors, roots: Array, stack: Array) -> int:
+def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> int:
     """
-    Write the roots in (0, 1) where f² can be positive to ``roots`` (6,); return their number.
+    Write the roots in (0, 1) that may be a camera's to ``roots`` (6,); return their number.
 
-    ``stack`` (STACK_SHAPE) is room for intervals.
+    A camera's have f² > 0, and k below max_bend, which may be infinite. ``stack`` (STACK_SHAPE)
+    is room for intervals.
     """
     found = 0
-    waiting = 1
-    stack[0, 0], stack[0, 1] = 0.0, 1.0
+    waiting = _bounded_bend(f, max_bend, stack)
     for _ in range(_MAX_INTERVALS):
         if waiting == 0 or found == MAX_ROOTS:
             break
@@ -157,7 +158,7 @@ def feasible_roots(f: Factors, roots: Array, stack: Array) -> int:
             roots[found] = 0.5 * (low + high)
             found += 1
         else:
-            share = 0.5 * (signs.first + signs.second)
+            share = 0.3 * signs.first + 0.7 * signs.second
             split = low + (high - low) * min(max(share, _MARGIN), 1.0 - _MARGIN)
             # A root at the split itself, as symmetric boards have it, shows in neither part.
             at = evaluate(f, split)
@@ -168,6 +169,29 @@ def feasible_roots(f: Factors, roots: Array, stack: Array) -> int:
             stack[waiting + 1, 0], stack[waiting + 1, 1] = low, split
             waiting += 2
     return found
+
+
+@jit
+def _bounded_bend(f: Factors, max_bend: float, stack: Array) -> int:
+    """Write the parts of (0, 1) where k < max_bend, the first on top; return their number."""
+    if max_bend == math.inf:
+        stack[0, 0], stack[0, 1] = 0.0, 1.0
+        return 1
+    # k = -n/d < B  where  e = n + B d  and d have one sign. Both are linear: three parts at most.
+    e0, e1 = f.n0 + max_bend * f.d0, f.n1 + max_bend * f.d1
+    one = f.d0 / (f.d0 - f.d1) if f.d0 * f.d1 < 0.0 else 1.0
+    other = e0 / (e0 - e1) if e0 * e1 < 0.0 else 1.0
+    waiting = 0
+    high = 1.0
+    for low in (max(one, other), min(one, other), 0.0):
+        middle = 0.5 * (low + high)
+        d = (1.0 - middle) * f.d0 + middle * f.d1
+        e = (1.0 - middle) * e0 + middle * e1
+        if low < high and d * e > 0.0:
+            stack[waiting, 0], stack[waiting, 1] = low, high
+            waiting += 1
+        high = low
+    return waiting
 
 
 class Signs(NamedTuple):
