@@ -25,7 +25,8 @@ from .jit import jit
 from .normalise import board_duals, scale_image, unscale
 from .polish import polish
 from .recover import place_centroid, pose_from_root
-from .sextic import factors, feasible_roots, MAX_ROOTS, STACK_SHAPE
+from .roots import feasible_roots, MAX_ROOTS, STACK_SHAPE
+from .sextic import factors
 from .solution import G, H, ROW_SIZE, Solution, solution_from_row, TRANSLATION
 
 # k > 0 bends the rays back beyond r = 1/√k: a point's pixel is then the nearer of two, and a

@@ -19,8 +19,8 @@ from .jit import jit
 from .least_squares import least_squares_room, LeastSquaresRoom, minimise, truncated_cost
 from .minimal import Workspace, workspace
 from .problem import hypotheses, plausible, Problem
+from .roots import MAX_ROOTS
 from .sampling import draw_sample, first_state, samples_needed, smallest_triangles
-from .sextic import MAX_ROOTS
 from .solution import ROW_SIZE
 
 # A new best hypothesis is refined in few steps, at first with a wide gate: four noisy points

@@ -17,7 +17,7 @@ from .geometry import Array, as_points
 from .least_squares import minimise, normal_equations
 from .problem import free_problem, hypotheses, known_problem, POSE, Problem, squared_errors
 from .ransac import ransac_room, Search, search_best
-from .sextic import MAX_ROOTS
+from .roots import MAX_ROOTS
 from .solution import G, H, ROW_SIZE, Solution, solution_from_row, TRANSLATION
 from .uncertainty import covariance_from, noise_variance, Observability, observability_of
 

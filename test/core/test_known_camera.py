@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``estimate_pose`` with a known camera: pose alone, and the flip."""
+
+import numpy as np
+from p4pfr_ros import DivisionCamera, estimate_pose, Pose
+from p4pfr_ros.core.geometry import rotation_angle_rad
+from p4pfr_ros.core.views import view
+import pytest
+
+
+@pytest.mark.parametrize('n', [4, 5, 6, 24, 100])
+def test_a_known_camera_leaves_the_pose(n, sample):
+    rng = np.random.default_rng(8)
+    angles = []
+    for _ in range(sample(40, 3)):
+        drawn = view(rng, n, outlier_share=0.2 if n >= 24 else 0.0)
+        estimate = estimate_pose(drawn.image_points, drawn.board_points, camera=drawn.camera)
+        if estimate.model is None:
+            angles.append(np.inf)
+            continue
+        assert estimate.model.camera is drawn.camera
+        np.testing.assert_array_equal(estimate.covariance[6:], 0.0)
+        truth = drawn.camera_from_board.rotation
+        found = [estimate.model, *estimate.alternatives]
+        angles.append(min(rotation_angle_rad(s.camera_from_board.rotation, truth) for s in found))
+    assert np.median(angles) < np.radians(1.0)
+
+
+def test_a_known_wide_lens_is_exact():
+    camera = DivisionCamera(350.0, (639.5, 479.5), -0.25, -0.02, 0.001)
+    pose = Pose.from_rotation_vector([2.6, 0.3, -0.2], [0.1, -0.2, 0.8])
+    board = np.random.default_rng(9).uniform(-0.5, 0.5, (20, 2))
+    image = camera.project(pose.transform(np.column_stack([board, np.zeros(20)])))
+    estimate = estimate_pose(image, board, camera=camera)
+    assert rotation_angle_rad(estimate.model.camera_from_board.rotation, pose.rotation) < 1e-9
+    np.testing.assert_allclose(
+        estimate.model.camera_from_board.translation, pose.translation, atol=1e-9
+    )
+
+
+def test_a_far_marker_has_two_poses_and_a_near_one_has_one():
+    camera = DivisionCamera(800.0, (639.5, 479.5), -0.1)
+    corners = 0.05 * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1.0]])
+    grid = np.concatenate([corners, 0.5 * corners, 0.25 * corners])
+    tilted = (
+        np.diag([1.0, -1.0, -1.0]) @ Pose.from_rotation_vector([0.5, 0.2, 0], [0, 0, 0]).rotation
+    )
+    rng = np.random.default_rng(10)
+    counts = {}
+    for distance in (3.0, 0.3):
+        pose = Pose(tilted, [0.02, 0.01, distance])
+        image = camera.project(pose.transform(np.column_stack([grid, np.zeros(len(grid))])))
+        image += rng.normal(0.0, 0.3, image.shape)
+        estimate = estimate_pose(image, grid, camera=camera)
+        found = [estimate.model, *estimate.alternatives]
+        counts[distance] = len(found)
+        nearest = min(rotation_angle_rad(s.camera_from_board.rotation, tilted) for s in found)
+        assert nearest < np.radians(12.0)
+    assert counts == {3.0: 2, 0.3: 1}
