@@ -10,8 +10,11 @@ from .jit import jit
 from .linear import rotate, solve_in_place
 from .solution import G, H, TRANSLATION
 
-# The sine of the angle between ray and point that eight roundings leave; no step below it.
-_GOOD_ENOUGH = 4e-16
+# The sine of the angle between ray and point that some eight roundings leave: no step below it.
+_GOOD_ENOUGH = 8e-16
+
+# A step that does not lower the residual by so much was rounding's; each costs more than a root.
+_WORTHWHILE = 0.5
 _MAX_STEPS = 3
 
 
@@ -33,10 +36,12 @@ def polish(solution: Array, image: Array, board: Array, system: Array, trial: Ar
             break
         _step(solution, system, trial)
         better = _residual(trial, image, board)
-        if not better < residual:
+        worthwhile = better < _WORTHWHILE * residual
+        if better < residual:
+            solution[:] = trial
+            residual = better
+        if not worthwhile:
             break
-        solution[:] = trial
-        residual = better
     return residual
 
 
