@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Boards with squares: the chessboard, and the ChArUco board."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from p4pfr_ros.boards.parts import (
+    check_counts,
+    check_dictionary,
+    check_lengths,
+    check_name,
+    checkers,
+    grid_points,
+    marker_corners_at,
+)
+from p4pfr_ros.core.geometry import Array
+
+# White paper around the pattern: a chessboard is found more surely with it, and so a 9x6 board of
+# 25 mm still fits on A4.
+_MARGIN_IN_SQUARES = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chessboard:
+    """
+    A chessboard; its points are the inner corners, row by row from the top left.
+
+    The square at the top left is black. Of ``columns`` and ``rows`` one should be even and one
+    odd: then the board looks different upside down (in 9x6, the outermost column of squares on
+    the left begins and ends with black, the one on the right with white), and its frame is the
+    same in each picture. Otherwise a half turn cannot be seen (nor, for columns = rows, a quarter
+    turn that keeps the colours), and detection chooses the frame whose y axis points up most.
+
+    Parameters
+    ----------
+    columns, rows
+        Number of inner corners, as OpenCV counts; each at least 3.
+    square_m
+        Side of a square, metres.
+    name
+        Name of the board and of its frame.
+
+    Raises
+    ------
+    ValueError
+        ``KEY: expected ..., got ...``.
+
+    """
+
+    columns: int
+    rows: int
+    square_m: float
+    name: str = 'board'
+
+    def __post_init__(self) -> None:
+        # OpenCV's detector wants three corners each way.
+        check_counts(self, at_least=3)
+        check_lengths(self, 'square_m')
+        check_name(self)
+
+    @property
+    def points(self) -> Array:
+        """The inner corners, (rows * columns, 2) metres."""
+        return grid_points(self.columns, self.rows, self.square_m)
+
+    @property
+    def sheet_size_m(self) -> tuple[float, float]:
+        """Width and height of the pattern with its white margin."""
+        squares = 1.0 + 2.0 * _MARGIN_IN_SQUARES
+        return (self.columns + squares) * self.square_m, (self.rows + squares) * self.square_m
+
+    @property
+    def black_squares(self) -> Array:
+        """The black squares, (N, 4): left, bottom, right, top in metres."""
+        return checkers(self.columns + 1, self.rows + 1, self.square_m, black_first=True)
+
+    @property
+    def marker_ids(self) -> tuple[int, ...]:
+        """No markers."""
+        return ()
+
+    @property
+    def marker_corners(self) -> Array:
+        """No markers: (0, 4, 2)."""
+        return np.empty((0, 4, 2))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Charuco:
+    """
+    A chessboard with a marker in each white square (ids 0, 1, ... row by row).
+
+    Its points are the inner corners, row by row from the top left; each is known by itself, so a
+    part of the board is enough.
+
+    Parameters
+    ----------
+    columns, rows
+        Number of squares, as OpenCV counts for this kind of board; each at least 2.
+    square_m, marker_m
+        Sides of a square and of a marker (outer edge of its black border), metres.
+    dictionary
+        OpenCV's name of the markers' dictionary, such as 'DICT_4X4_50'.
+    legacy_pattern
+        Printed by OpenCV before 4.6: with an even number of rows, the square at the top left is
+        white. (With an odd number both patterns are the same: black at the top left.)
+    name
+        Name of the board and of its frame.
+
+    Raises
+    ------
+    ValueError
+        ``KEY: expected ..., got ...``.
+
+    """
+
+    columns: int
+    rows: int
+    square_m: float
+    marker_m: float
+    dictionary: str
+    legacy_pattern: bool = False
+    name: str = 'board'
+
+    def __post_init__(self) -> None:
+        check_counts(self, at_least=2)
+        check_lengths(self, 'square_m', 'marker_m')
+        if not self.marker_m < self.square_m:
+            raise ValueError(
+                f'marker_m: expected less than square_m = {self.square_m:g}, got {self.marker_m:g}'
+            )
+        if not isinstance(self.legacy_pattern, bool):
+            raise ValueError(
+                f'legacy_pattern: expected true or false, got {self.legacy_pattern!r}'
+            )
+        check_dictionary(self)
+        check_name(self)
+
+    @property
+    def points(self) -> Array:
+        """The inner corners, ((rows - 1) * (columns - 1), 2) metres."""
+        return grid_points(self.columns - 1, self.rows - 1, self.square_m)
+
+    @property
+    def sheet_size_m(self) -> tuple[float, float]:
+        """Width and height of the pattern with its white margin."""
+        margin = 2.0 * _MARGIN_IN_SQUARES
+        return (self.columns + margin) * self.square_m, (self.rows + margin) * self.square_m
+
+    @property
+    def black_squares(self) -> Array:
+        """The black squares, (N, 4): left, bottom, right, top in metres."""
+        return checkers(self.columns, self.rows, self.square_m, black_first=self._black_first)
+
+    @property
+    def marker_ids(self) -> tuple[int, ...]:
+        """The ids of the markers."""
+        return tuple(range(len(self.marker_corners)))
+
+    @property
+    def marker_corners(self) -> Array:
+        """The corners of each marker, (N, 4, 2) metres, clockwise from the top left."""
+        white = checkers(self.columns, self.rows, self.square_m, black_first=not self._black_first)
+        centres = 0.5 * (white[:, :2] + white[:, 2:])
+        return marker_corners_at(centres, self.marker_m)
+
+    @property
+    def _black_first(self) -> bool:
+        return not (self.legacy_pattern and self.rows % 2 == 0)

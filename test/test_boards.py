@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+import dataclasses
+
+from board_views import BOARDS
+import numpy as np
+from p4pfr_ros.boards import Charuco, Chessboard, Marker, MarkerGrid
+import pytest
+
+every_board = pytest.mark.parametrize('board', BOARDS.values(), ids=BOARDS)
+
+
+@every_board
+def test_frame_is_in_the_middle_of_the_pattern(board):
+    np.testing.assert_allclose(board.points.mean(axis=0), 0.0, atol=1e-15)
+    printed = np.concatenate([board.black_squares.reshape(-1, 2), *board.marker_corners])
+    reach = np.abs(printed).max(axis=0)
+    assert np.all(np.abs(board.points) <= reach + 1e-12)
+    assert np.all(reach < 0.5 * np.array(board.sheet_size_m))
+
+
+def test_chessboard_points_run_from_the_top_left_row_by_row():
+    points = Chessboard(columns=3, rows=4, square_m=2.0).points.reshape(4, 3, 2)
+    np.testing.assert_allclose(points[0], [[-2, 3], [0, 3], [2, 3]])
+    np.testing.assert_allclose(points[-1], [[-2, -3], [0, -3], [2, -3]])
+
+
+def test_chessboard_top_left_square_is_black():
+    board = Chessboard(columns=9, rows=6, square_m=0.025)
+    assert len(board.black_squares) == 35  # of 10 x 7
+    np.testing.assert_allclose(board.black_squares[0], [-0.125, 0.0625, -0.1, 0.0875])
+    np.testing.assert_allclose(board.black_squares[-1], [0.075, -0.0875, 0.1, -0.0625])
+
+
+def test_charuco_markers_stand_in_the_white_squares():
+    board = BOARDS['charuco']
+    centres = board.marker_corners.mean(axis=1)
+    black = 0.5 * (board.black_squares[:, :2] + board.black_squares[:, 2:])
+    apart = np.linalg.norm(centres[:, None] - black, axis=2).min()
+    assert len(centres) == 17 == len(board.marker_ids)
+    assert apart == pytest.approx(board.square_m)
+
+
+def test_legacy_pattern_changes_boards_of_an_even_number_of_rows_only():
+    def first_black(rows, legacy):
+        board = dataclasses.replace(BOARDS['charuco'], rows=rows, legacy_pattern=legacy)
+        return board.black_squares[0, 0]
+
+    assert first_black(5, False) == first_black(5, True)
+    assert first_black(6, True) == pytest.approx(first_black(6, False) + 0.035)
+
+
+@pytest.mark.parametrize('name', ['marker', 'marker_grid'])
+def test_marker_corners_run_clockwise_from_the_top_left(name):
+    corners = BOARDS[name].points.reshape(-1, 4, 2)
+    side = corners[0, 1, 0] - corners[0, 0, 0]
+    np.testing.assert_allclose(
+        corners[:, 1] - corners[:, 0], np.tile([side, 0], (len(corners), 1))
+    )
+    np.testing.assert_allclose(
+        corners[:, 2] - corners[:, 1], np.tile([0, -side], (len(corners), 1)), atol=1e-15
+    )
+    assert side > 0.0
+
+
+def test_marker_grid_counts_row_by_row_from_its_first_id():
+    board = MarkerGrid(
+        columns=3, rows=2, marker_m=1.0, separation_m=0.5, dictionary='DICT_4X4_50', first_id=7
+    )
+    assert board.marker_ids == (7, 8, 9, 10, 11, 12)
+    centres = board.marker_corners.mean(axis=1)
+    np.testing.assert_allclose(centres[[0, 2, 3]], [[-1.5, 0.75], [1.5, 0.75], [-1.5, -0.75]])
+
+
+WRONG = [
+    (Chessboard, {'columns': 2}, 'columns: expected an integer of at least 3, got 2'),
+    (Chessboard, {'columns': True}, 'columns: expected an integer'),
+    (Chessboard, {'rows': 6.0}, 'rows: expected an integer'),
+    (Chessboard, {'square_m': -0.025}, 'square_m: expected a length > 0'),
+    (Chessboard, {'square_m': float('nan')}, 'square_m: expected a length > 0'),
+    (Chessboard, {'square_m': True}, 'square_m: expected a length > 0'),
+    (Chessboard, {'square_m': '1'}, 'square_m: expected a length > 0'),
+    (Chessboard, {'name': ' '}, 'name: expected a word'),
+    (Charuco, {'marker_m': 0.035}, 'marker_m: expected less than square_m = 0.035'),
+    (Charuco, {'legacy_pattern': 1}, 'legacy_pattern: expected true or false'),
+    (Charuco, {'columns': 1}, 'columns: expected an integer of at least 2'),
+    (Marker, {'id': -1}, 'id: expected an integer of at least 0'),
+    (Marker, {'dictionary': 4}, 'dictionary: expected OpenCV'),
+    (Marker, {'size_m': 0}, 'size_m: expected a length > 0'),
+    (MarkerGrid, {'separation_m': 0.0}, 'separation_m: expected a length > 0'),
+    (MarkerGrid, {'first_id': 1.5}, 'first_id: expected an integer'),
+]
+
+
+@pytest.mark.parametrize(('kind', 'change', 'message'), WRONG)
+def test_wrong_numbers_are_refused(kind, change, message):
+    right = next(board for board in BOARDS.values() if type(board) is kind)
+    with pytest.raises(ValueError, match=message):
+        dataclasses.replace(right, **change)

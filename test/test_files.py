@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+from pathlib import Path
+
+from p4pfr_ros.boards import Charuco, Chessboard, Marker, MarkerGrid
+from p4pfr_ros.files import ConfigError, load_board, load_boards
+import pytest
+
+READY = Path(__file__).parent.parent / 'config/boards'
+
+CHESSBOARD = """
+boards:
+  wall:
+    type: chessboard
+    columns: 9
+    rows: 6
+    square_m: 0.025
+"""
+TAG = """
+boards:
+  tag: {type: marker, id: 5, size_mm: 150, dictionary: DICT_APRILTAG_36h11}
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write a board file, and return its path."""
+
+    def written(text):
+        path = tmp_path / 'boards.yaml'
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return written
+
+
+def test_a_board_is_read_with_its_name(write):
+    board = load_board(write(CHESSBOARD))
+    assert board == Chessboard(columns=9, rows=6, square_m=0.025, name='wall')
+
+
+def test_millimetres_are_metres_to_the_last_digit(write):
+    for mm in (25, 26, 0.1, 12.5):
+        text = CHESSBOARD.replace('square_m: 0.025', f'square_mm: {mm}')
+        assert load_board(write(text)).square_m == float(f'{mm / 1000:.6g}')
+
+
+def test_several_boards_keep_their_order(write):
+    boards = load_boards(write(CHESSBOARD + TAG.split('boards:\n')[1]))
+    assert list(boards) == ['wall', 'tag']
+    assert boards['tag'] == Marker(id=5, size_m=0.15, dictionary='DICT_APRILTAG_36h11', name='tag')
+
+
+def test_one_board_is_expected_where_one_is_read(write):
+    path = write(CHESSBOARD + TAG.split('boards:\n')[1])
+    with pytest.raises(ConfigError, match='boards: expected one board, got 2: wall, tag'):
+        load_board(path)
+
+
+def test_every_kind_has_a_file_that_is_ready_to_use():
+    kinds = {type(load_board(path)) for path in READY.glob('*.yaml')}
+    assert kinds == {Chessboard, Charuco, Marker, MarkerGrid}
+    photographed = load_board(READY / 'chessboard_9x6_25mm.yaml')
+    assert photographed == Chessboard(columns=9, rows=6, square_m=0.025)
+
+
+WRONG = {
+    'empty': ('', "expected a key 'boards', got an empty file"),
+    'scalar': ('9x6', "expected a key 'boards', got '9x6'"),
+    'list': ('- a\n- b', "expected a key 'boards', got a list"),
+    'no boards': ('boards:', 'boards: expected names of boards, got nothing'),
+    'top key': ('board: {}', r'board: unknown key, .*did you mean boards\?'),
+    'board is a word': ('boards: {wall: chessboard}', 'boards.wall: expected keys such as type'),
+    'name': ('boards: {7: {type: marker}}', 'boards.7: expected a word as the name, got 7'),
+    'no type': (CHESSBOARD.replace('type: chessboard', ''), 'boards.wall.type: expected one of'),
+    'type': (
+        CHESSBOARD.replace('chessboard', 'chesboard'),
+        r"boards.wall.type: .*got 'chesboard' \(did you mean chessboard\?\)",
+    ),
+    'unknown key': (
+        CHESSBOARD.replace('columns', 'colums'),
+        r'boards.wall.colums: unknown key, .*did you mean columns\?',
+    ),
+    'missing key': (CHESSBOARD.replace('rows: 6', ''), 'boards.wall.rows: expected a value'),
+    'missing length': (
+        CHESSBOARD.replace('square_m: 0.025', ''),
+        r'boards.wall.square_m: expected a value, got none \(or square_mm, in millimetres\)',
+    ),
+    'no unit': (
+        CHESSBOARD.replace('square_m', 'square'),
+        'boards.wall.square: expected a unit: square_m or square_mm',
+    ),
+    'both units': (CHESSBOARD + '    square_mm: 25', 'expected one of square_m and square_mm'),
+    'negative': (
+        CHESSBOARD.replace('square_m: 0.025', 'square_mm: -25'),
+        'boards.wall.square_mm: expected a length > 0 in mm, got -25',
+    ),
+    'zero': (TAG.replace('150', '0'), 'boards.tag.size_mm: expected a length > 0 in mm, got 0'),
+    'nan': (CHESSBOARD.replace('0.025', '.nan'), 'boards.wall.square_m: expected a length > 0'),
+    'bool': (CHESSBOARD.replace('0.025', 'yes'), 'boards.wall.square_m: .*got True'),
+    'text length': (CHESSBOARD.replace('0.025', '25 mm'), "boards.wall.square_m: .*got '25 mm'"),
+    'bool count': (CHESSBOARD.replace('6', 'true'), 'boards.wall.rows: expected an integer'),
+    'dictionary': (
+        TAG.replace('36h11', '36h12'),
+        r"boards.tag.dictionary: .*got 'DICT_APRILTAG_36h12' \(did you mean DICT_APRILTAG_36h1",
+    ),
+    'id': (TAG.replace('5', '587', 1), 'boards.tag.id: expected ids up to 586, .*got 587'),
+    'duplicate': (CHESSBOARD + '    rows: 7', r"line 8: .*the key 'rows' stands there twice"),
+    'not yaml': ('boards: [', r'line \d: expected YAML'),
+    'tab': ('boards:\n\twall: 1', 'line 2: expected YAML'),
+    'python object': ('boards: !!python/object:os.system {}', 'expected YAML: could not'),
+    'binary': (b'\xff\xfe\x00', 'expected'),
+    'unhashable key': ('? [a]\n: 1', 'expected YAML'),
+}
+
+
+@pytest.mark.parametrize(('text', 'message'), WRONG.values(), ids=WRONG)
+def test_a_wrong_file_is_one_line_that_says_where_and_what(write, text, message):
+    path = write(text)
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_boards(path)
+    assert str(caught.value).startswith(str(path))
+    assert '\n' not in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(ConfigError, match=r'none.yaml: expected a readable file: No such file'):
+        load_board(tmp_path / 'none.yaml')
+    with pytest.raises(ConfigError, match='Is a directory'):
+        load_board(tmp_path)
