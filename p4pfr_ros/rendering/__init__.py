@@ -1,0 +1,8 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Boards as pictures: seen by a camera, or printed on paper."""
+
+from __future__ import annotations
+
+from p4pfr_ros.rendering.renderer import render, Renderer
+
+__all__ = ['Renderer', 'render']

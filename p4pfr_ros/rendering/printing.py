@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Boards on paper: PDF or PNG files that print to scale."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
+import numpy as np
+from p4pfr_ros.boards import Board, Charuco, Chessboard, Marker
+from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.files import ConfigError
+from p4pfr_ros.rendering.pattern import black_rectangles
+
+_MM_PER_INCH = 25.4
+_LARGEST_PX = 30_000
+# The line of text at the lower edge: so high, or so much of the margin, whichever is less.
+_TEXT_MM, _TEXT_IN_MARGIN = 2.5, 0.3
+_POINTS_PER_MM = 72.0 / _MM_PER_INCH
+
+
+def print_board(board: Board, path: str | os.PathLike[str], *, dpi: float = 300.0) -> None:
+    """
+    Write a board to a file that prints to scale, its page as large as the board's sheet.
+
+    Parameters
+    ----------
+    board
+        What to print.
+    path
+        Its ending says what is written: ``.pdf`` (exact, in points of 1/72 inch) or ``.png``
+        (which holds its resolution).
+    dpi
+        Pixels per inch of the PNG.
+
+    Raises
+    ------
+    ConfigError
+        Another ending, a place that cannot be written to, or more pixels than make sense.
+    ValueError
+        dpi is not positive, or this OpenCV does not have the board's markers.
+
+    """
+    if not 0.0 < dpi < math.inf:
+        raise ValueError(f'dpi must be > 0, got {dpi}')
+    ending = Path(path).suffix.lower()
+    if ending not in ('.pdf', '.png'):
+        raise ConfigError(f'{path}: expected a name that ends in .pdf or .png')
+    page_mm = 1000.0 * np.array(board.sheet_size_m)
+    if ending == '.png':
+        # Whole pixels; the pattern keeps its scale, the margin takes up the rest.
+        page_px = np.ceil(page_mm / _MM_PER_INCH * dpi)
+        if page_px.max() > _LARGEST_PX:
+            raise ConfigError(
+                f'{path}: expected at most {_LARGEST_PX} px a side, got {page_px.max():.0f}: '
+                f'use .pdf, or a lower resolution than {dpi:g} dpi'
+            )
+        page_mm = page_px / dpi * _MM_PER_INCH
+    figure = _page(board, page_mm)
+    # No date: the same board gives the same file.
+    metadata = {'CreationDate': None} if ending == '.pdf' else {'Software': None}
+    try:
+        figure.savefig(path, dpi=dpi, format=ending[1:], metadata=metadata)
+    except OSError as error:
+        raise ConfigError(f'{path}: expected a place to write to: {error.strerror}') from None
+
+
+def describe(board: Board) -> str:
+    """Say in one line what a board is, with its sizes."""
+    if isinstance(board, Chessboard):
+        what = (
+            f'chessboard {board.columns}x{board.rows} inner corners, squares {_mm(board.square_m)}'
+        )
+    elif isinstance(board, Charuco):
+        legacy = ', legacy pattern' if board.legacy_pattern else ''
+        what = (
+            f'charuco {board.columns}x{board.rows} squares of {_mm(board.square_m)}, '
+            f'markers {_mm(board.marker_m)}, {board.dictionary}{legacy}'
+        )
+    elif isinstance(board, Marker):
+        what = f'marker {board.id} of {board.dictionary}, side {_mm(board.size_m)}'
+    else:
+        what = (
+            f'marker grid {board.columns}x{board.rows}, markers {_mm(board.marker_m)}, '
+            f'gaps {_mm(board.separation_m)}, {board.dictionary} from {board.first_id}'
+        )
+    return f'{board.name}: {what}'
+
+
+def _mm(length_m: float) -> str:
+    return f'{1000.0 * length_m:g} mm'
+
+
+def _page(board: Board, page_mm: Array) -> Figure:
+    """Draw the pattern in the middle of a page."""
+    width_mm, height_mm = (float(side) for side in page_mm)
+    figure = Figure(figsize=(width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH), facecolor='white')
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    axes.set_xlim(-0.5 * width_mm, 0.5 * width_mm)
+    axes.set_ylim(-0.5 * height_mm, 0.5 * height_mm)
+    axes.set_axis_off()
+    rectangles_mm = 1000.0 * black_rectangles(board)
+    # One shape: cells drawn one by one would show hairlines where they touch.
+    shape = Outline.make_compound_path(*(_outline(*rectangle) for rectangle in rectangles_mm))
+    axes.add_patch(PathPatch(shape, facecolor='black', linewidth=0.0, snap=False))
+    margin_mm = 0.5 * height_mm + float(rectangles_mm[:, 1].min())
+    text = f'{describe(board)}. Print at 100 %.'
+    # A letter is about half as wide as high.
+    size_mm = min(_TEXT_MM, _TEXT_IN_MARGIN * margin_mm, 0.9 * width_mm / (0.55 * len(text)))
+    axes.text(
+        0.0,
+        -0.5 * height_mm + 0.5 * size_mm,
+        text.encode('ascii', 'replace').decode(),
+        fontsize=size_mm * _POINTS_PER_MM,
+        horizontalalignment='center',
+        color='0.45',
+        parse_math=False,
+    )
+    return figure
+
+
+def _outline(left: float, bottom: float, right: float, top: float) -> Outline:
+    corners = [(left, bottom), (right, bottom), (right, top), (left, top), (left, bottom)]
+    return Outline(corners, closed=True)

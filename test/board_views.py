@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Boards, cameras and poses that the tests of the image side look at."""
+
+import numpy as np
+from p4pfr_ros.boards import Charuco, Chessboard, Marker, MarkerGrid
+from p4pfr_ros.core.camera import DivisionCamera
+from p4pfr_ros.core.geometry import Pose
+
+SIZE = (640, 480)
+CENTER = (319.5, 239.5)
+
+BOARDS = {
+    'chessboard': Chessboard(columns=9, rows=6, square_m=0.025),
+    'charuco': Charuco(
+        columns=7, rows=5, square_m=0.035, marker_m=0.026, dictionary='DICT_4X4_50'
+    ),
+    'charuco_legacy': Charuco(
+        columns=6,
+        rows=6,
+        square_m=0.03,
+        marker_m=0.022,
+        dictionary='DICT_5X5_100',
+        legacy_pattern=True,
+    ),
+    'marker': Marker(id=3, size_m=0.15, dictionary='DICT_APRILTAG_36h11'),
+    'marker_grid': MarkerGrid(
+        columns=4, rows=3, marker_m=0.05, separation_m=0.0125, dictionary='DICT_6X6_250'
+    ),
+}
+CAMERAS = {
+    'pinhole': DivisionCamera(500.0, CENTER),
+    'strong': DivisionCamera(500.0, CENTER, -0.3),
+    'wide': DivisionCamera(250.0, CENTER, -0.35),
+}
+HEAD_ON = Pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+
+
+def seen_from(distance_m, tilt_rad=(0.0, 0.0), roll_rad=0.0, offset=(0.0, 0.0)):
+    """Place a board: tilted about x and y, turned in its plane, off the axis in distances."""
+    turned = Pose.from_rotation_vector((0.0, 0.0, roll_rad), np.zeros(3))
+    x, y = np.multiply(offset, distance_m)
+    tilted = Pose.from_rotation_vector((*tilt_rad, 0.0), (x, y, distance_m))
+    return tilted @ turned @ HEAD_ON
+
+
+def distance_m(camera):
+    """Return a distance from which the boards above fill about half of the picture."""
+    return 0.38 * camera.focal_px / 500.0
+
+
+def project(camera, camera_from_board, board_points):
+    """Return where points (N, 2) of the board are in the picture (N, 2)."""
+    return camera.project(camera_from_board.transform(np.pad(board_points, ((0, 0), (0, 1)))))
