@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures for people: what was found drawn onto the picture, and the picture straightened."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from p4pfr_ros.boards import Board
+from p4pfr_ros.core.camera import DivisionCamera
+from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.core.solution import Solution
+from p4pfr_ros.detection import Detection
+from p4pfr_ros.image_files import read_image, write_image
+
+__all__ = ['annotate', 'read_image', 'straighten', 'straightened_camera', 'write_image']
+
+Picture = NDArray[np.uint8]
+
+# Blue, green, red.
+_CORNER, _OUTLINE = (0, 215, 255), (255, 160, 0)
+_AXES = ((60, 60, 255), (60, 200, 60), (255, 90, 60))  # x red, y green, z blue
+_INK = (255, 255, 255)
+# cv2 draws at sixteenths of a pixel.
+_SHIFT = 4
+# Pieces that a straight edge is drawn in, as the lens bends it.
+_PIECES = 48
+# Lines are drawn for a picture of this height, and thicker on larger ones.
+_HEIGHT_PX = 480.0
+
+
+def annotate(
+    image: Picture,
+    detection: Detection,
+    solution: Solution | None = None,
+    board: Board | None = None,
+) -> Picture:
+    """
+    Draw what was found onto a copy of a picture: (h, w, 3) BGR.
+
+    Parameters
+    ----------
+    image
+        (h, w) or (h, w, 3) uint8.
+    detection
+        Its points are circled; where it has none, its reason is written.
+    solution
+        With it and ``board``, the board's outline and axes (x red, y green, z blue) are drawn as
+        this camera sees them, curved as its lens bends them.
+    board
+        What was looked for.
+
+    """
+    canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
+    scale = max(1.0, canvas.shape[0] / _HEIGHT_PX)
+    if solution is not None and board is not None:
+        _draw_board(canvas, solution, board, scale)
+    for point in detection.image_points:
+        _circle(canvas, point, 3.5 * scale, scale)
+    if detection.reason:
+        _write(canvas, detection.reason, scale)
+    return np.asarray(canvas)
+
+
+def straighten(image: Picture, camera: DivisionCamera, *, max_fov_deg: float = 120.0) -> Picture:
+    """
+    Take a lens's distortion out of a picture; same size, black where nothing was seen.
+
+    The result is what the pinhole camera `straightened_camera` sees.
+    """
+    height, width = image.shape[:2]
+    pinhole = straightened_camera(camera, (width, height), max_fov_deg=max_fov_deg)
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+    seen_at = camera.project(pinhole.unproject(pixels))
+    # A place outside of the picture, for what no pixel sees.
+    seen_at = np.where(np.isfinite(seen_at), np.clip(seen_at, -9.0, 1e5), -9.0)
+    x, y = np.moveaxis(seen_at.astype(np.float32), -1, 0)
+    straight = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    return np.asarray(straight)
+
+
+def straightened_camera(
+    camera: DivisionCamera, image_size: tuple[int, int], *, max_fov_deg: float = 120.0
+) -> DivisionCamera:
+    """
+    Return the pinhole camera, at the same place, that shows all that a camera sees.
+
+    Parameters
+    ----------
+    camera
+        The camera with distortion.
+    image_size
+        Width and height of its pictures, and of the pinhole camera's, pixels.
+    max_fov_deg
+        The widest field of view, on the diagonal, that is kept: a pinhole camera can show no
+        180 degrees, and shows little else but the margin before that. 1 to 170.
+
+    """
+    if not 1.0 <= max_fov_deg <= 170.0:
+        raise ValueError(f'max_fov_deg must be within 1 to 170, got {max_fov_deg}')
+    width, height = image_size
+    half = 0.5 * np.array([width - 1.0, height - 1.0])
+    widest = math.tan(math.radians(0.5 * max_fov_deg)) * half / np.linalg.norm(half)
+    rays = camera.unproject(half + half * _square_outline())
+    with np.errstate(divide='ignore', invalid='ignore'):
+        slopes = np.where(rays[:, 2:] > 0.0, np.abs(rays[:, :2] / rays[:, 2:]), np.inf)
+    reach = np.minimum(slopes.max(axis=0), widest)
+    center = (float(half[0]), float(half[1]))
+    return DivisionCamera(float(np.max(half / reach)), center)
+
+
+def _square_outline() -> Array:
+    """Return points (N, 2) around the square from -1 to 1."""
+    t = np.linspace(-1.0, 1.0, 33)
+    one = np.ones_like(t)
+    return np.concatenate(
+        [np.stack(p, axis=1) for p in ((t, one), (t, -one), (one, t), (-one, t))]
+    )
+
+
+def _draw_board(canvas: Picture, solution: Solution, board: Board, scale: float) -> None:
+    width_m, height_m = board.sheet_size_m
+    x, y = 0.5 * width_m, 0.5 * height_m
+    outline = [(-x, y, 0.0), (x, y, 0.0), (x, -y, 0.0), (-x, -y, 0.0), (-x, y, 0.0)]
+    for start, end in pairwise(outline):
+        _bent_line(canvas, solution, start, end, _OUTLINE, 1.5 * scale)
+    length_m = 0.35 * min(board.sheet_size_m)
+    for axis, colour in zip(np.eye(3), _AXES, strict=True):
+        end = tuple((length_m * axis).tolist())
+        _bent_line(canvas, solution, (0.0, 0.0, 0.0), end, colour, 3.0 * scale)
+
+
+def _bent_line(
+    canvas: Picture,
+    solution: Solution,
+    start: tuple[float, ...],
+    end: tuple[float, ...],
+    colour: tuple[int, int, int],
+    thickness_px: float,
+) -> None:
+    """Draw a straight line of the board's frame as the camera sees it."""
+    in_board = np.linspace(start, end, _PIECES + 1)
+    in_camera = solution.camera_from_board.transform(in_board)
+    pixels = solution.camera.project(in_camera)
+    # Far outside, cv2's integers would overflow.
+    seen = np.isfinite(pixels).all(axis=1) & (np.abs(pixels) < 1e5).all(axis=1)
+    for piece in np.split(pixels[seen], np.flatnonzero(np.diff(np.flatnonzero(seen)) > 1) + 1):
+        points = np.rint(piece * 2**_SHIFT).astype(np.int32)
+        thickness = max(1, round(thickness_px))
+        cv2.polylines(canvas, [points], False, colour, thickness, cv2.LINE_AA, _SHIFT)
+
+
+def _circle(canvas: Picture, point: Array, radius_px: float, thickness_px: float) -> None:
+    x, y, radius = (round(float(v) * 2**_SHIFT) for v in (*point, radius_px))
+    thickness = max(1, round(thickness_px))
+    cv2.circle(canvas, (x, y), radius, _CORNER, thickness, cv2.LINE_AA, _SHIFT)
+
+
+def _write(canvas: Picture, text: str, scale: float) -> None:
+    """Write a line at the top left, on a dark bar: readable on any picture."""
+    height = round(30 * scale)
+    canvas[:height] = canvas[:height] // 4
+    place, thickness = (round(8 * scale), round(20 * scale)), max(1, round(scale))
+    font = cv2.FONT_HERSHEY_SIMPLEX
+    cv2.putText(canvas, text, place, font, 0.5 * scale, _INK, thickness, cv2.LINE_AA)

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+from board_views import BOARDS
+import cv2
+import numpy as np
+from p4pfr_ros.boards import Charuco, Marker, MarkerGrid
+from p4pfr_ros.detection.aruco import check_markers, detect_markers, dictionary_names, marker_cells
+from p4pfr_ros.rendering.pattern import black_rectangles
+from p4pfr_ros.rendering.rasterizer import coverage
+import pytest
+
+HAS_CLASSES = hasattr(cv2.aruco, 'ArucoDetector')
+DICTIONARY = 'DICT_4X4_50'
+
+
+def enlarged(cells, px_per_cell, margin_px):
+    """Draw a marker's cells as a picture, black on white."""
+    white = 255 * (1 - cells.astype(np.uint8))
+    return np.pad(
+        np.kron(white, np.ones((px_per_cell, px_per_cell), np.uint8)),
+        margin_px,
+        constant_values=255,
+    )
+
+
+@pytest.mark.parametrize('name', ['DICT_4X4_50', 'DICT_6X6_250', 'DICT_APRILTAG_36h11'])
+def test_a_marker_drawn_from_its_cells_is_detected(name):
+    corners, ids = detect_markers(enlarged(marker_cells(name, 17), 10, 40), name)
+    side = 10 * len(marker_cells(name, 17))
+    assert ids.tolist() == [17]
+    expected = 39.5 + side * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    np.testing.assert_allclose(corners[0], expected, atol=1.5)
+
+
+def test_cells_have_a_black_border_around_the_code():
+    cells = marker_cells(DICTIONARY, 0)
+    assert cells.shape == (6, 6)
+    assert cells[0].all()
+    assert cells[-1].all()
+    assert cells[:, 0].all()
+    assert cells[:, -1].all()
+    # The first marker of the dictionary, known by heart: 1 is white.
+    code = [[1, 0, 1, 1], [0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 1, 0]]
+    np.testing.assert_array_equal(~cells[1:-1, 1:-1], code)
+
+
+def test_no_marker_is_an_empty_answer():
+    corners, ids = detect_markers(np.full((100, 100), 90, np.uint8), DICTIONARY)
+    assert corners.shape == (0, 4, 2)
+    assert ids.shape == (0,)
+
+
+def test_unknown_dictionary_is_refused_with_the_nearest():
+    assert DICTIONARY in dictionary_names()
+    board = Marker(id=0, size_m=0.1, dictionary='DICT_4X4_5O')
+    with pytest.raises(ValueError, match=r"got 'DICT_4X4_5O' \(did you mean DICT_4X4_50\?\)"):
+        check_markers(board)
+
+
+def test_ids_end_where_the_dictionary_ends():
+    grid = {'columns': 5, 'rows': 4, 'marker_m': 0.1, 'separation_m': 0.1}
+    check_markers(MarkerGrid(**grid, dictionary=DICTIONARY, first_id=30))
+    with pytest.raises(ValueError, match=r'first_id: expected ids up to 49, .*got 50'):
+        check_markers(MarkerGrid(**grid, dictionary=DICTIONARY, first_id=31))
+    with pytest.raises(ValueError, match='id: expected ids up to 49'):
+        check_markers(Marker(id=50, size_m=0.1, dictionary=DICTIONARY))
+    with pytest.raises(ValueError, match='columns: expected ids up to 49'):
+        check_markers(
+            Charuco(columns=11, rows=10, square_m=1, marker_m=0.5, dictionary=DICTIONARY)
+        )
+
+
+def test_a_marker_that_the_dictionary_lacks_has_no_pattern():
+    with pytest.raises(ValueError, match='id: expected ids up to 49'):
+        black_rectangles(Marker(id=50, size_m=0.1, dictionary=DICTIONARY))
+
+
+def opencv_charuco(board, size_px):
+    """Let OpenCV draw a ChArUco board."""
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
+    lengths = board.square_m, board.marker_m
+    if not HAS_CLASSES:
+        make = cv2.aruco.CharucoBoard_create
+        return make(board.columns, board.rows, *lengths, dictionary).draw(size_px)
+    drawn = cv2.aruco.CharucoBoard((board.columns, board.rows), *lengths, dictionary)
+    drawn.setLegacyPattern(board.legacy_pattern)
+    return drawn.generateImage(size_px)
+
+
+@pytest.mark.parametrize('legacy', [False, True])
+@pytest.mark.parametrize(('columns', 'rows'), [(7, 5), (7, 6), (6, 5), (6, 6)])
+def test_charuco_pattern_is_opencvs(columns, rows, legacy):
+    if legacy and rows % 2 == 0 and not HAS_CLASSES:
+        pytest.skip('OpenCV 4.6 draws the new pattern alone')
+    board = Charuco(
+        columns=columns,
+        rows=rows,
+        square_m=0.04,
+        marker_m=0.03,
+        dictionary=DICTIONARY,
+        legacy_pattern=legacy,
+    )
+    size_px = 80 * columns, 80 * rows
+    picture = 255.0 * (1.0 - covered(board, 2000.0, size_px))
+    np.testing.assert_allclose(picture, opencv_charuco(board, size_px), atol=1e-9)
+
+
+def covered(board, px_per_m, size_px):
+    """Return how black each pixel of a head-on view of the bare pattern is."""
+    left, bottom, right, top = (px_per_m * black_rectangles(board) * [1, -1, 1, -1]).T
+    middle_x, middle_y = 0.5 * size_px[0] - 0.5, 0.5 * size_px[1] - 0.5
+    x0, x1, y0, y1 = left + middle_x, right + middle_x, top + middle_y, bottom + middle_y
+    sides = [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
+    return coverage(np.concatenate([np.stack(side, axis=1) for side in sides]), size_px)
+
+
+@pytest.mark.parametrize('name', BOARDS)
+def test_rectangles_do_not_overlap(name):
+    board = BOARDS[name]
+    size_px = tuple(int(2000 * side) for side in board.sheet_size_m)
+    black = covered(board, 2000.0, size_px)
+    left, bottom, right, top = black_rectangles(board).T
+    assert black.max() < 1.0 + 1e-9
+    assert black.sum() == pytest.approx(2000.0**2 * np.sum((right - left) * (top - bottom)))
