@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+A simulated camera, detector_node and pose_node: everything without hardware.
+
+    ros2 launch p4pfr_ros demo.launch.py board_file:=/path/to/board.yaml
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+
+def generate_launch_description():
+    """Describe the three nodes; those that look at a board are told which."""
+    board = {'board_file': LaunchConfiguration('board_file')}
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument('board_file', description='YAML file of the board'),
+            Node(package='p4pfr_ros', executable='camera_simulator', parameters=[board]),
+            Node(package='p4pfr_ros', executable='detector_node', parameters=[board]),
+            Node(package='p4pfr_ros', executable='pose_node'),
+        ]
+    )

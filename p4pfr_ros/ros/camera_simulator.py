@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""camera_simulator: pictures of a moving board, and the truth about it, without hardware."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from geometry_msgs.msg import PoseStamped
+from p4pfr_ros import DivisionCamera
+from p4pfr_ros.rendering import Renderer
+from rclpy.node import Node
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
+
+from .board import required_board
+from .conversions import camera_info_msg, image_msg, ImageFrame, pose_msg
+from .endpoints import advertise
+from .options import CameraSimulatorOptions
+from .parameters import Parameters
+from .simulated_path import SimulatedPath
+from .spin import run
+
+
+class CameraSimulator(Node):  # type: ignore[misc]
+    """
+    Renders a board on a known path through a camera with a known lens.
+
+    Picture, camera_info and true pose of one moment carry the same stamp. The camera_info is
+    that of an uncalibrated camera: the picture's size, and K = 0.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('camera_simulator')
+        self._config = Parameters(self, CameraSimulatorOptions())
+        options = self._config.options
+        self._board = required_board(self.get_name(), options.board_file)
+        self._frame = ImageFrame((options.camera.width_px, options.camera.height_px))
+        self._path = SimulatedPath(self._board, self._frame.size, options.path.seed)
+        self._renderer = self._make_renderer()
+        self._count = 0
+        self._path_time_s = 0.0
+        self._image = advertise(self, Image, 'image')
+        self._camera_info = advertise(self, CameraInfo, 'camera_info')
+        self._pose_true = advertise(self, PoseStamped, '~/pose_true')
+        self.create_timer(1.0 / options.rate_hz, self._take_picture)
+        self.get_logger().info('ready')
+
+    def _make_renderer(self) -> Renderer:
+        width, height = self._frame.size
+        lens = self._config.options.camera
+        center_px = (0.5 * (width - 1), 0.5 * (height - 1))
+        camera = DivisionCamera(lens.focal_px, center_px, lens.k)
+        return Renderer(camera, self._frame.size)
+
+    def _take_picture(self) -> None:
+        options = self._config.options
+        lens = options.camera
+        if (lens.focal_px, lens.k) != (self._renderer.camera.focal_px, self._renderer.camera.k):
+            self._renderer = self._make_renderer()
+        pose = self._path.at(self._path_time_s, self._renderer.camera)
+        picture = self._renderer.render(
+            self._board,
+            pose,
+            blur_sigma_px=lens.blur_sigma_px,
+            noise_sigma=lens.noise_sigma,
+            seed=self._count,
+        )
+        # Drawing takes longer than a shutter: the picture counts as taken when it is ready.
+        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=lens.frame_id)
+        self._camera_info.publish(camera_info_msg(header, self._frame))
+        self._pose_true.publish(pose_msg(header, pose))
+        self._image.publish(image_msg(header, picture))
+        self._count += 1
+        self._path_time_s += options.path.speed / options.rate_hz
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run camera_simulator until SIGINT or SIGTERM."""
+    run(CameraSimulator, args)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Messages to numbers and back: the only room that knows the fields of a message.
+
+What comes over the wire is not trusted: a function ``..._from_msg`` returns ``Rejected``, with
+a cause and a reason, where the message has no answer, and never raises for what is in it.
+"""
+
+from .cameras import (
+    camera_info_division_msg,
+    camera_info_msg,
+    division_camera_from_msg,
+    image_frame_from_msg,
+    ImageFrame,
+)
+from .clouds import cloud_msg, correspondences_from_cloud
+from .images import image_from_compressed, image_from_msg, image_msg, Picture
+from .points import CORNER_ORDERS, Correspondences, correspondences_from_polygon
+from .poses import pose_from_msg, pose_msg, pose_with_covariance_msg
+
+__all__ = [
+    'CORNER_ORDERS',
+    'Correspondences',
+    'ImageFrame',
+    'Picture',
+    'camera_info_division_msg',
+    'camera_info_msg',
+    'cloud_msg',
+    'correspondences_from_cloud',
+    'correspondences_from_polygon',
+    'division_camera_from_msg',
+    'image_frame_from_msg',
+    'image_from_compressed',
+    'image_from_msg',
+    'image_msg',
+    'pose_from_msg',
+    'pose_msg',
+    'pose_with_covariance_msg',
+]

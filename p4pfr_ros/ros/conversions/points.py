@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Corners of one marker (PolygonStamped) to correspondences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from geometry_msgs.msg import PolygonStamped
+import numpy as np
+from p4pfr_ros.core.geometry import Array, Ints
+
+from ..rejections import Rejected
+
+# Where a marker's corners lie, in sides of it, in the board's frame: x right, y up as printed.
+CORNER_ORDERS = {
+    'aruco_cw_from_top_left': ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5)),
+    'apriltag_ccw_from_bottom_left': ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)),
+}
+
+# Further out than any picture reaches, and near enough for squares and cubes of it.
+_FARTHEST_PX = 1e7
+_FARTHEST_M = 1e7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Correspondences:
+    """
+    Points of a board and where a picture shows them; at least four, all finite.
+
+    Parameters
+    ----------
+    image_points : (N, 2) array
+        Pixels of the picture as it was sent; pixel centres are integers.
+    board_points : (N, 2) array
+        Metres, in the board's frame: x right, y up.
+    ids : (N,) array of int
+        Which point of the board each is.
+
+    """
+
+    image_points: Array
+    board_points: Array
+    ids: Ints
+
+
+def correspondences_from_polygon(
+    msg: PolygonStamped, size_m: float, corner_order: str
+) -> Correspondences | Rejected:
+    """
+    Take the four corners of a marker of a size (outer edge of its black border).
+
+    ``corner_order`` is one of ``CORNER_ORDERS``; which it is cannot be seen in the message.
+    """
+    corners = msg.polygon.points
+    if len(corners) != 4:
+        return Rejected('point_count', f'corners: expected 4 points, got {len(corners)}')
+    if not size_m > 0.0:
+        return Rejected('marker_size', 'corners: set the parameter marker.size_m, metres')
+    image_points = np.array([(corner.x, corner.y) for corner in corners])
+    board_points = size_m * np.array(CORNER_ORDERS[corner_order])
+    return checked(image_points, board_points, np.arange(4), 'corners')
+
+
+def checked(
+    image_points: Array, board_points: Array, ids: Ints, topic: str
+) -> Correspondences | Rejected:
+    """Hold what ``Correspondences`` promises, or say what is wrong."""
+    if len(image_points) < 4:
+        return Rejected(
+            'point_count', f'{topic}: expected at least 4 points, got {len(image_points)}'
+        )
+    if not (np.isfinite(image_points).all() and np.isfinite(board_points).all()):
+        return Rejected('not_finite', f'{topic}: a coordinate is not finite')
+    if np.abs(image_points).max() > _FARTHEST_PX or np.abs(board_points).max() > _FARTHEST_M:
+        return Rejected('out_of_range', f'{topic}: a coordinate is beyond 1e7 (px, m)')
+    return Correspondences(image_points, board_points, ids)

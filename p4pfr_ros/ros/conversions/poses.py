@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+``Pose`` <-> PoseStamped and PoseWithCovarianceStamped.
+
+The pose is that of the board in the optical frame that the header names: x right, y down,
+z forward, metres.
+"""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import Pose as PoseMsg
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+import numpy as np
+from p4pfr_ros.core.geometry import Array, Pose
+from std_msgs.msg import Header
+
+# What the picture does not determine gets this variance: a standard deviation of 1 km, of 1000
+# rad. ROS has no mark for 'unknown' (-1 and 0 mean different things to different readers), and a
+# filter that is given a variance this large rightly learns nothing from the number.
+UNDETERMINED_VARIANCE = 1e6
+
+
+def pose_msg(header: Header, camera_from_board: Pose) -> PoseStamped:
+    """Make a PoseStamped."""
+    return PoseStamped(header=header, pose=_pose(camera_from_board))
+
+
+def pose_from_msg(msg: PoseStamped) -> Pose:
+    """Take the pose of our own PoseStamped; a quaternion of zeros is a ``ValueError``."""
+    q, p = msg.pose.orientation, msg.pose.position
+    return Pose.from_quaternion_xyzw([q.x, q.y, q.z, q.w], [p.x, p.y, p.z])
+
+
+def pose_with_covariance_msg(
+    header: Header, camera_from_board: Pose, covariance: Array
+) -> PoseWithCovarianceStamped:
+    """
+    Make a PoseWithCovarianceStamped.
+
+    ``covariance`` is (6, 6) in ROS order: x, y, z, then rotation about the fixed axes x, y, z of
+    the header's frame. An entry that is not finite is not determined by the picture:
+    ``UNDETERMINED_VARIANCE`` on the diagonal, 0 beside it.
+    """
+    msg = PoseWithCovarianceStamped(header=header)
+    msg.pose.pose = _pose(camera_from_board)
+    msg.pose.covariance = _published(covariance).ravel()
+    return msg
+
+
+def _pose(pose: Pose) -> PoseMsg:
+    msg = PoseMsg()
+    msg.position.x, msg.position.y, msg.position.z = pose.translation.tolist()
+    q = msg.orientation
+    q.x, q.y, q.z, q.w = pose.quaternion_xyzw().tolist()
+    return msg
+
+
+def _published(covariance: Array) -> Array:
+    variance = np.diag(covariance)
+    known = np.isfinite(variance) & (variance <= UNDETERMINED_VARIANCE)
+    # A whole row and column goes at once: what is left is still positive semidefinite.
+    published = np.where(np.outer(known, known), covariance, 0.0)
+    published[~known, ~known] = UNDETERMINED_VARIANCE
+    finite: Array = np.where(np.isfinite(published), published, 0.0)
+    return finite

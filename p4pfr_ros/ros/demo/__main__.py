@@ -1,0 +1,8 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``python -m p4pfr_ros.ros.demo``."""
+
+import sys
+
+from . import main
+
+sys.exit(main())

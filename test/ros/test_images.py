@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every encoding of a picture comes out as the same grey or BGR picture."""
+
+from array import array
+
+import cv2
+import numpy as np
+from p4pfr_ros.ros.conversions import image_from_compressed, image_from_msg, image_msg
+from p4pfr_ros.ros.rejections import Rejected
+import pytest
+import scenes
+from sensor_msgs.msg import CompressedImage, Image
+
+HEIGHT, WIDTH = 12, 16
+
+
+def _picture():
+    """Make a colourful picture that is smooth enough for half the colours to tell the rest."""
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
+    return np.stack([40 + 6 * x, 200 - 5 * y, 60 + 4 * x + 3 * y], axis=-1).astype(np.uint8)
+
+
+BGR = _picture()
+GREY = BGR[..., 1]
+
+
+def _image(encoding, pixels, *, padding=0, big_endian=False):
+    """Make a message of pixels (h, w) or (h, w, channels), rows padded with rubbish."""
+    pixels = np.ascontiguousarray(pixels)
+    if pixels.dtype == np.uint16:
+        pixels = pixels.astype('>u2' if big_endian else '<u2')
+    rows = [row.tobytes() + b'\xaa' * padding for row in pixels]
+    msg = Image(header=scenes.header(1), height=HEIGHT, width=WIDTH, encoding=encoding)
+    msg.step, msg.is_bigendian = len(rows[0]), int(big_endian)
+    msg.data = array('B', b''.join(rows))
+    return msg
+
+
+def _alpha(pixels):
+    return np.dstack([pixels, np.full((HEIGHT, WIDTH), 7, np.uint8)])
+
+
+@pytest.mark.parametrize('padding', [0, 5])
+@pytest.mark.parametrize(
+    ('encoding', 'pixels', 'expected'),
+    [
+        ('mono8', GREY, GREY),
+        ('8UC1', GREY, GREY),
+        ('bgr8', BGR, BGR),
+        ('8UC3', BGR, BGR),
+        ('rgb8', BGR[..., ::-1], BGR),
+        ('bgra8', _alpha(BGR), BGR),
+        ('8UC4', _alpha(BGR), BGR),
+        ('rgba8', _alpha(BGR[..., ::-1]), BGR),
+    ],
+)
+def test_eight_bits_are_kept(encoding, pixels, expected, padding):
+    """Grey stays grey and colours come out as BGR, whatever their order and padding."""
+    np.testing.assert_array_equal(
+        image_from_msg(_image(encoding, pixels, padding=padding)), expected
+    )
+
+
+@pytest.mark.parametrize('big_endian', [False, True])
+@pytest.mark.parametrize(
+    ('encoding', 'pixels', 'expected'),
+    [
+        ('mono16', GREY, GREY),
+        ('16UC1', GREY, GREY),
+        ('bgr16', BGR, BGR),
+        ('rgb16', BGR[..., ::-1], BGR),
+    ],
+)
+def test_sixteen_bits_are_scaled(encoding, pixels, expected, big_endian):
+    """65535 becomes 255, in either byte order; the lower byte is lost."""
+    lower = np.arange(pixels.size, dtype=np.uint16).reshape(pixels.shape) * 37 % 256
+    deep = pixels.astype(np.uint16) * 256 + lower
+    msg = _image(encoding, deep, padding=6, big_endian=big_endian)
+    np.testing.assert_array_equal(image_from_msg(msg), expected)
+
+
+@pytest.mark.parametrize('bits', [8, 16])
+@pytest.mark.parametrize('pattern', ['rggb', 'bggr', 'gbrg', 'grbg'])
+def test_bayer_patterns_give_the_colours_back(pattern, bits):
+    """The name says which colour the four pixels at the top left have."""
+    mosaic = np.empty((HEIGHT, WIDTH), np.uint8)
+    for index, colour in enumerate(pattern):
+        at = np.s_[index // 2 :: 2, index % 2 :: 2]
+        mosaic[at] = BGR[..., 'bgr'.index(colour)][at]
+    pixels = mosaic if bits == 8 else mosaic.astype(np.uint16) * 257
+    seen = image_from_msg(_image(f'bayer_{pattern}{bits}', pixels))
+    inside = np.s_[2:-2, 2:-2]
+    np.testing.assert_allclose(seen[inside].astype(int), BGR[inside].astype(int), atol=6)
+
+
+@pytest.mark.parametrize(
+    ('encoding', 'luma_first'),
+    [('yuv422', False), ('uyvy', False), ('yuv422_yuy2', True), ('yuyv', True)],
+)
+def test_yuv_gives_the_colours_back(encoding, luma_first):
+    """Two pixels share their colour; which byte is the brightness, the name says."""
+    y, u, v = _yuv(BGR)
+    packed = np.empty((HEIGHT, WIDTH, 2), np.uint8)
+    luma, chroma = (0, 1) if luma_first else (1, 0)
+    packed[..., luma] = y
+    packed[:, 0::2, chroma] = u[:, 0::2]
+    packed[:, 1::2, chroma] = v[:, 0::2]
+    seen = image_from_msg(_image(encoding, packed, padding=4))
+    np.testing.assert_allclose(seen.astype(int), BGR.astype(int), atol=8)
+
+
+def _yuv(bgr):
+    """Convert by ITU-R BT.601, studio range."""
+    b, g, r = np.moveaxis(bgr.astype(float), -1, 0)
+    y = 16 + (65.738 * r + 129.057 * g + 25.064 * b) / 256
+    u = 128 + (-37.945 * r - 74.494 * g + 112.439 * b) / 256
+    v = 128 + (112.439 * r - 94.154 * g - 18.285 * b) / 256
+    return (np.rint(plane).astype(np.uint8) for plane in (y, u, v))
+
+
+@pytest.mark.parametrize(
+    ('changes', 'cause'),
+    [
+        ({'encoding': '32FC1'}, 'encoding'),
+        ({'encoding': ''}, 'encoding'),
+        ({'width': 0}, 'empty'),
+        ({'height': 0}, 'empty'),
+        ({'step': WIDTH - 1}, 'layout'),
+        ({'height': HEIGHT + 1}, 'truncated'),
+        ({'width': 2**31, 'step': 2**32 - 1}, 'truncated'),
+        ({'data': array('B')}, 'truncated'),
+        ({'encoding': 'yuv422', 'width': 7}, 'layout'),
+    ],
+)
+def test_a_picture_that_cannot_be_read_says_why(changes, cause):
+    """Whatever is wrong with a picture has a cause and a sentence."""
+    msg = _image('mono8', GREY)
+    for name, value in changes.items():
+        setattr(msg, name, value)
+    answer = image_from_msg(msg)
+    assert isinstance(answer, Rejected)
+    assert answer.cause == cause
+    assert answer.reason.startswith('image: ')
+
+
+@pytest.mark.parametrize('picture', [GREY, BGR], ids=['grey', 'colour'])
+def test_a_picture_survives_its_message(picture):
+    """There and back."""
+    np.testing.assert_array_equal(image_from_msg(image_msg(scenes.header(1), picture)), picture)
+
+
+def test_compressed_pictures_are_read():
+    """PNG to the last bit, JPEG nearly; rubbish is rejected."""
+    png = cv2.imencode('.png', BGR)[1].tobytes()
+    np.testing.assert_array_equal(image_from_compressed(_compressed('png', png)), BGR)
+    jpeg = cv2.imencode('.jpg', BGR, [cv2.IMWRITE_JPEG_QUALITY, 98])[1].tobytes()
+    seen = image_from_compressed(_compressed('bgr8; jpeg compressed bgr8', jpeg))
+    np.testing.assert_allclose(seen.astype(int), BGR.astype(int), atol=12)
+    for data in (b'', b'rubbish', png[:40]):
+        assert image_from_compressed(_compressed('png', data)).cause == 'encoding'
+
+
+def _compressed(kind, data):
+    return CompressedImage(header=scenes.header(1), format=kind, data=array('B', data))

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What ``ros2 run`` does: find an executable in ament's index, start it, stop it."""
+
+from pathlib import Path
+import signal
+import subprocess
+import time
+
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
+import pytest
+from rcl_interfaces.srv import GetParameters
+import rclpy
+
+pytestmark = pytest.mark.dds
+
+PATIENCE_S = 60.0
+
+
+@pytest.fixture
+def observer(dds):
+    """Give a node that looks at the others."""
+    node = rclpy.create_node('observer')
+    yield node
+    node.destroy_node()
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
+@pytest.mark.parametrize('name', ['pose_node', 'detector_node', 'camera_simulator'])
+def test_node_answers_and_ends_cleanly(name, number, observer):
+    share = Path(get_package_share_directory('p4pfr_ros'))
+    arguments = ['--ros-args', '--params-file', share / f'config/{name}.yaml']
+    if name != 'pose_node':
+        arguments += ['-p', f'board_file:={share}/config/boards/chessboard_9x6_25mm.yaml']
+    executable = Path(get_package_prefix('p4pfr_ros'), 'lib', 'p4pfr_ros', name)
+    process = subprocess.Popen([executable, *arguments])
+    try:
+        wait_for_answer(observer, name, process)
+        process.send_signal(number)
+        assert process.wait(PATIENCE_S) == 0
+    finally:
+        process.kill()
+        process.wait()
+
+
+def wait_for_answer(observer, name, process):
+    """Return once the node's own parameter service has answered: it is there and it spins."""
+    client = observer.create_client(GetParameters, f'/{name}/get_parameters')
+    request = GetParameters.Request(names=['use_sim_time'])
+    ends_s = time.monotonic() + PATIENCE_S
+    answer = None
+    while answer is None or not answer.done():
+        assert process.poll() is None, f'{name} ended by itself: {process.returncode}'
+        assert time.monotonic() < ends_s, f'{name} did not answer'
+        if answer is None and client.service_is_ready():
+            answer = client.call_async(request)
+        rclpy.spin_once(observer, timeout_sec=0.05)
+    assert len(answer.result().values) == 1

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The life of a node's process: how it starts, what it says, how it ends."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+
+pytestmark = pytest.mark.dds
+
+BOARD = 'boards: {board: {type: chessboard, columns: 9, rows: 6, square_m: 0.025}}\n'
+NODES = ['pose_node', 'detector_node', 'camera_simulator']
+
+
+@pytest.fixture
+def board_file(tmp_path):
+    """Write a board file."""
+    path = tmp_path / 'board.yaml'
+    path.write_text(BOARD)
+    return path
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
+@pytest.mark.parametrize('name', NODES)
+def test_a_signal_is_a_clean_end(peer, board_file, name, number):
+    """Exit status 0, and no traceback."""
+    parameters = {} if name == 'pose_node' else {'board_file': board_file}
+    node = peer.start(name, parameters=parameters)
+    assert node.stop(number) == 0
+    assert 'Traceback' not in node.output
+    assert 'rror' not in node.output
+
+
+SIGNALLED = """
+import os, signal, sys, time
+import rclpy
+from rclpy.node import Node
+from p4pfr_ros.ros.spin import run
+
+def make():
+    if '{moment}' == 'before the node':
+        os.kill(os.getpid(), signal.{number})
+    node = Node('early')
+    if '{moment}' == 'after it':
+        os.kill(os.getpid(), signal.{number})
+    if '{moment}' == 'while spinning':
+        node.create_timer(0.01, lambda: os.kill(os.getpid(), signal.{number}))
+    if '{moment}' == 'while busy':
+        ends = time.monotonic() + 60.0
+        os.kill(os.getpid(), signal.{number})
+        while time.monotonic() < ends:
+            pass
+        print('was not interrupted')
+    return node
+
+run(make)
+print('ended')
+"""
+
+
+@pytest.mark.parametrize('moment', ['before the node', 'after it', 'while busy', 'while spinning'])
+@pytest.mark.parametrize('number', ['SIGINT', 'SIGTERM'])
+def test_a_signal_at_any_stage_is_a_clean_end(number, moment):
+    """Start-up takes a while, and a launch file may change its mind in it."""
+    script = SIGNALLED.format(number=number, moment=moment)
+    done = subprocess.run(
+        [sys.executable, '-c', script], capture_output=True, text=True, timeout=50, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, 'ended\n', '')
+
+
+def test_signals_at_any_moment_of_the_start_are_a_clean_end(tmp_path):
+    """Sent ever later, until the node is long running."""
+    for delay_s in (0.0, 0.01, 0.03, 0.06, 0.1, 0.2):
+        process = subprocess.Popen(
+            [
+                sys.executable,
+                '-c',
+                'from p4pfr_ros.ros import pose_node; print("imported", flush=True); '
+                'pose_node.main()',
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert process.stdout.readline() == 'imported\n'
+        time.sleep(0.02 + delay_s)
+        process.send_signal(signal.SIGTERM)
+        errors = process.communicate(timeout=60)[1]
+        assert process.returncode == 0, (delay_s, errors)
+
+
+def _ends_by_itself(name, *arguments):
+    command = [sys.executable, '-m', f'p4pfr_ros.ros.{name}', '--ros-args', *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return done.returncode, done.stderr.strip()
+
+
+@pytest.mark.parametrize('name', ['detector_node', 'camera_simulator'])
+def test_without_a_board_file_a_node_says_what_it_needs(name):
+    """One line, exit status 1."""
+    expected = f'{name}: board_file: expected the path of a board YAML, got none'
+    assert _ends_by_itself(name) == (1, expected)
+
+
+def test_a_wrong_board_file_is_one_line(tmp_path):
+    """It names the file and the key; the markers are checked before the first picture."""
+    path = tmp_path / 'board.yaml'
+    path.write_text(BOARD.replace('columns', 'colums'))
+    status, line = _ends_by_itself('detector_node', '-p', f'board_file:={path}')
+    assert status == 1
+    assert line.startswith(f'{path}: boards.board.colums: ')
+    assert '\n' not in line
+    path.write_text('boards: {b: {type: marker, id: 9999, size_m: 0.1, dictionary: DICT_4X4_50}}')
+    status, line = _ends_by_itself('detector_node', '-p', f'board_file:={path}')
+    assert (status, line.startswith(f'{path}: boards.b.id: expected')) == (1, True)
+
+
+def test_a_wrong_parameter_is_one_line():
+    """It names node and parameter."""
+    status, line = _ends_by_itself('pose_node', '-p', 'marker.size_m:=-1.0')
+    assert status == 1
+    assert line.startswith('pose_node: marker.size_m: ')
+    assert '\n' not in line
+
+
+def test_parameters_are_checked_over_the_wire(peer):
+    """A refused change says why to who asked for it."""
+    peer.start('pose_node')
+    client = AsyncParameterClient(peer.node, 'pose_node')
+    peer.until(client.services_are_ready)
+    future = client.set_parameters(
+        [
+            Parameter('marker.corner_order', value='clockwise'),
+            Parameter('robust.threshold_px', value=0.0),
+            Parameter('robust.threshold_px', value=3.0),
+        ]
+    )
+    peer.until(future.done)
+    order, threshold, good = future.result().results
+    assert 'expected one of aruco_cw_from_top_left, apriltag_ccw' in order.reason
+    assert 'robust.threshold_px out of range' in threshold.reason
+    assert [order.successful, threshold.successful, good.successful] == [False, False, True]
+
+
+@pytest.mark.parametrize('name', NODES)
+def test_a_node_takes_its_config_file(peer, board_file, name):
+    """config/<node>.yaml is loaded as it is; nothing in it is unknown."""
+    config = os.path.join(os.path.dirname(__file__), '../../config', f'{name}.yaml')
+    parameters = {} if name == 'pose_node' else {'board_file': board_file}
+    node = peer.start(name, params_file=config, parameters=parameters)
+    assert 'unknown parameter' not in node.output
+
+
+def test_a_misspelt_parameter_is_pointed_out(peer):
+    """ROS itself would say nothing."""
+    node = peer.start('pose_node', parameters={'marker.size': 0.1})
+    assert 'unknown parameter marker.size is ignored (did you mean marker.size_m?)' in node.output
