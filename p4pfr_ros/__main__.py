@@ -1,0 +1,6 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``python -m p4pfr_ros`` is ``p4pfr``."""
+
+from p4pfr_ros.cli import main
+
+raise SystemExit(main())

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``p4pfr``: print a board, estimate from pictures, watch the demo. Without ROS."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import os
+import sys
+
+from p4pfr_ros import __version__
+from p4pfr_ros.cli import board, demo, estimate
+from p4pfr_ros.files import ConfigError
+
+# What a shell reports of a program that SIGINT or SIGPIPE ended: 128 + the signal's number.
+_INTERRUPTED, _PIPE_CLOSED = 130, 141
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; return its exit status: 0, or 1 where something has no answer."""
+    options = _parser().parse_args(arguments)
+    try:
+        status: int = options.run(options)
+        sys.stdout.flush()  # so that a reader who has gone shows in here
+    except ConfigError as error:
+        print(f'p4pfr: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return _INTERRUPTED
+    except BrokenPipeError:
+        # The interpreter flushes once more on its way out, and must not complain.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _PIPE_CLOSED
+    return status
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='p4pfr',
+        description='The pose of a flat board from a camera that nobody has calibrated.',
+    )
+    version = f'p4pfr_ros {__version__}'
+    parser.add_argument('--version', action='version', version=version)
+    commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
+    for command in (estimate, board, demo):
+        command.add_parser(commands)
+    return parser

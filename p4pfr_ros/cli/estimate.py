@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``p4pfr estimate``: pictures of a board to poses, each picture by itself."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+import sys
+
+from p4pfr_ros import RansacOptions
+from p4pfr_ros.cli.answers import Answer, NoAnswer
+from p4pfr_ros.cli.arguments import finite, positive
+from p4pfr_ros.cli.pictures import answer_from, check_names, find_pictures, Question
+from p4pfr_ros.cli.report import print_json_line, print_table
+from p4pfr_ros.files import ConfigError, load_board
+
+_DEFAULTS = RansacOptions()
+
+_EPILOG = """\
+Every picture is solved by itself: nothing is carried over from one to the next.
+The exit status is 1 if one of them has no answer; the reasons are on stderr.
+
+--json prints one JSON object per picture and line. Lengths are metres, angles
+degrees; the pose is camera_from_board; sigma holds standard deviations. What
+the view cannot tell is null and named in not_observable; where it is because
+several solutions explain the view, candidates has them all, the likeliest
+first. A picture without an answer has the key reason, and no other but image.
+"""
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Describe the command to argparse."""
+    parser = commands.add_parser(
+        'estimate',
+        help='pose, focal length and distortion from pictures of a board',
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.set_defaults(run=run)
+    add = parser.add_argument
+    add('images', nargs='+', type=Path, metavar='IMAGE', help='picture, or directory of them')
+    add('--board', required=True, metavar='FILE', help='the board, in YAML')
+    add('--draw', type=Path, metavar='DIR', help='write there what was found in each picture')
+    add('--json', action='store_true', help='print JSON lines instead of a table')
+    add(
+        '--center',
+        nargs=2,
+        type=finite,
+        metavar=('X', 'Y'),
+        help="the lens's centre in the picture, px (default: the middle)",
+    )
+    add(
+        '--threshold',
+        type=positive,
+        default=_DEFAULTS.threshold_px,
+        metavar='PX',
+        help='a point farther from its reprojection is an outlier (default: %(default)s)',
+    )
+    add(
+        '--seed',
+        type=int,
+        default=_DEFAULTS.seed,
+        help='of the random samples (default: %(default)s)',
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Answer for each picture; return 1 if one of them has no answer."""
+    question = _question(arguments)
+    paths = find_pictures(arguments.images)
+    if question.draw_folder:
+        check_names(paths)
+    answers: list[Answer] = []
+    failures: list[NoAnswer] = []
+    for path in _with_progress(paths, arguments.json):
+        answer = answer_from(path, question)
+        if arguments.json:
+            print_json_line(answer)
+        if isinstance(answer, Answer):
+            answers.append(answer)
+        else:
+            failures.append(answer)
+    if not arguments.json:
+        print_table(answers)
+    for failure in failures:
+        print(f'p4pfr: {failure.path}: {failure.reason}', file=sys.stderr)
+    return int(bool(failures))
+
+
+def _question(arguments: argparse.Namespace) -> Question:
+    options = RansacOptions(threshold_px=arguments.threshold, seed=arguments.seed)
+    folder: Path | None = arguments.draw
+    if folder:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(f'--draw {folder}: {error.strerror}') from None
+    center = (arguments.center[0], arguments.center[1]) if arguments.center else None
+    return Question(load_board(arguments.board), options, center, folder)
+
+
+def _with_progress(paths: Sequence[Path], json: bool) -> Iterator[Path]:
+    """Go through the paths, with a bar on stderr where a person waits for many."""
+    lines_on_screen = json and sys.stdout.isatty()
+    if len(paths) < 2 or lines_on_screen or not sys.stderr.isatty():
+        yield from paths
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    # Unredirected: or what is printed meanwhile would go where the bar is, to stderr.
+    with Progress(
+        console=Console(stderr=True),
+        transient=True,
+        redirect_stdout=False,
+        redirect_stderr=False,
+    ) as progress:
+        yield from progress.track(paths, description='pictures')

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``p4pfr`` as a process, and its smaller parts."""
+
+import json
+import math
+import os
+import pty
+import signal
+import subprocess
+import sys
+
+import cv2
+from p4pfr_ros.cli import main
+from p4pfr_ros.image_files import read_image
+import pytest
+from rendered import CHESSBOARD, write_empty
+
+COMMAND = [sys.executable, '-m', 'p4pfr_ros', 'estimate', '--board', CHESSBOARD, '--json']
+
+
+@pytest.fixture
+def empty(tmp_path):
+    """Give the path of a picture of nothing."""
+    write_empty(tmp_path / 'empty.png')
+    return str(tmp_path / 'empty.png')
+
+
+def test_board_prints_what_it_detects(tmp_path, capsys):
+    path = tmp_path / 'board.png'
+    assert main(['board', CHESSBOARD, '-o', str(path), '--dpi', '100']) == 0
+    assert capsys.readouterr().out.startswith(f'{path}: board: chessboard 9x6')
+    picture = read_image(path)
+    assert picture.shape[1] == math.ceil(275.0 / 25.4 * 100.0)  # eleven squares of 25 mm
+    found, _ = cv2.findChessboardCorners(picture, (9, 6))
+    assert found
+
+
+def test_board_wants_an_ending_that_it_knows(tmp_path, capsys):
+    assert main(['board', CHESSBOARD, '-o', str(tmp_path / 'board.gif')]) == 1
+    err = capsys.readouterr().err
+    assert err == f'p4pfr: {tmp_path}/board.gif: expected a name that ends in .pdf or .png\n'
+
+
+def test_reader_who_leaves_early_is_no_crash(empty):
+    with many_pictures(empty, 200) as process:
+        process.stdout.readline()
+        process.stdout.close()
+        err = process.stderr.read()
+    assert process.returncode == 128 + signal.SIGPIPE
+    assert err == ''
+
+
+def test_reader_who_has_left_before_the_end_is_no_crash(tmp_path):
+    reader, writer = os.pipe()
+    os.close(reader)
+    board = [sys.executable, '-m', 'p4pfr_ros', 'board', CHESSBOARD, '-o', tmp_path / 'board.png']
+    # Buffered, as a pipe is by default: then it is the flush at the end that fails.
+    buffered = {key: value for key, value in os.environ.items() if key != 'PYTHONUNBUFFERED'}
+    run = subprocess.run(board, stdout=writer, stderr=subprocess.PIPE, text=True, env=buffered)
+    os.close(writer)
+    assert run.returncode == 128 + signal.SIGPIPE
+    assert run.stderr == ''
+
+
+def test_interrupt_ends_quietly(empty):
+    with many_pictures(empty, 2000) as process:
+        process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate()
+    assert process.returncode == 128 + signal.SIGINT
+    assert err == ''
+
+
+def many_pictures(empty, count):
+    """Start the command on a lot of work."""
+    pipe = subprocess.PIPE
+    return subprocess.Popen([*COMMAND, *[empty] * count], stdout=pipe, stderr=pipe, text=True)
+
+
+def test_bar_is_on_the_terminal_and_the_answers_are_not(empty):
+    terminal, its_end = pty.openpty()
+    run = subprocess.run(
+        [*COMMAND, empty, empty],
+        stdout=subprocess.PIPE,
+        stderr=its_end,
+        text=True,
+        env={**os.environ, 'TERM': 'xterm'},
+    )
+    os.close(its_end)
+    on_terminal = os.read(terminal, 100_000).decode()
+    os.close(terminal)
+    assert len([json.loads(line) for line in run.stdout.splitlines()]) == 2
+    assert 'pictures' in on_terminal
+    assert '%' in on_terminal
+
+
+def test_demo_without_ros_says_what_to_install():
+    code = (
+        "import sys; sys.modules['rclpy'] = None; from p4pfr_ros.cli import main; main(['demo'])"
+    )
+    err = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True).stderr
+    assert err == (
+        'p4pfr: the demo needs ROS 2 (rclpy is missing): '
+        "source a ROS, or pip install 'p4pfr_ros[ros]'\n"
+    )
+
+
+@pytest.mark.parametrize('arguments', [[], ['fly'], ['estimate', 'a.png'], ['board', 'b.yaml']])
+def test_wrong_usage_is_status_2(arguments, capsys):
+    with pytest.raises(SystemExit) as exit_:
+        main(arguments)
+    assert exit_.value.code == 2
+    assert capsys.readouterr().err.startswith('usage: p4pfr')

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``p4pfr estimate`` on rendered pictures."""
+
+import json
+
+import numpy as np
+from p4pfr_ros import Pose
+from p4pfr_ros.cli import main
+from p4pfr_ros.image_files import read_image
+import pytest
+from rendered import CHESSBOARD, FOCAL_PX, K, MARKER, TILT_DEG, write_empty, write_scene
+
+
+@pytest.fixture(scope='module')
+def scenes(tmp_path_factory):
+    """Give a folder with two pictures of a chessboard, of two sizes, and one of nothing."""
+    folder = tmp_path_factory.mktemp('scenes')
+    write_scene(folder / 'a.png', CHESSBOARD)
+    write_scene(folder / 'b[red].png', CHESSBOARD, size=(800, 600))
+    write_empty(folder / 'empty.png')
+    return folder
+
+
+def estimate(*arguments, board=CHESSBOARD):
+    """Run the command."""
+    return main(['estimate', '--board', board, *map(str, arguments)])
+
+
+def test_json_is_the_truth(scenes, capsys):
+    pose = write_scene(scenes / 'c.png', CHESSBOARD)
+    assert estimate(scenes / 'c.png', '--json') == 0
+    [line] = capsys.readouterr().out.splitlines()
+    answer = json.loads(line)
+    assert answer['image'] == str(scenes / 'c.png')
+    assert answer['image_size'] == [640, 480]
+    assert answer['center_px'] == [319.5, 239.5]
+    assert answer['tilt_deg'] == pytest.approx(TILT_DEG, abs=0.5)
+    assert answer['position_m'] == pytest.approx(pose.translation.tolist(), abs=0.01)
+    found = Pose.from_quaternion_xyzw(answer['quaternion_xyzw'], answer['position_m'])
+    np.testing.assert_allclose(found.rotation, pose.rotation, atol=0.02)
+    assert answer['distance_m'] == pytest.approx(np.linalg.norm(pose.translation), rel=0.02)
+    assert answer['focal_px'] == pytest.approx(FOCAL_PX, rel=0.02)
+    assert answer['k'] == pytest.approx(K, abs=0.02)
+    assert answer['rms_px'] < 0.3
+    assert answer['inliers'] == answer['points'] == 54
+    assert answer['not_observable'] == answer['candidates'] == []
+    sigma = answer['sigma']
+    assert 0.0 < sigma['focal_px'] < 5.0
+    assert 0.0 < sigma['k'] < 0.05
+    assert 0.0 < sigma['distance_m'] < 0.01
+
+
+def test_table_has_a_row_for_each_picture_of_any_size(scenes, capsys):
+    assert estimate(scenes / 'a.png', scenes / 'b[red].png') == 0
+    out, err = capsys.readouterr()
+    assert err == ''
+    rows = [line.split() for line in out.splitlines() if '54/54' in line]
+    assert [row[0] for row in rows] == [str(scenes / 'a.png'), str(scenes / 'b[red].png')]
+    tilts = [float(row[8]) for row in rows]
+    assert tilts == pytest.approx([TILT_DEG, TILT_DEG], abs=0.5)
+
+
+def test_picture_without_board_is_told_and_the_others_are_answered(scenes, capsys):
+    assert estimate(scenes / 'empty.png', scenes / 'a.png') == 1
+    out, err = capsys.readouterr()
+    assert err == f'p4pfr: {scenes / "empty.png"}: no 9x6 chessboard found\n'
+    assert '54/54' in out
+
+
+def test_json_tells_the_reason_too(scenes, capsys):
+    assert estimate(scenes / 'empty.png', scenes / 'a.png', '--json') == 1
+    first, second = map(json.loads, capsys.readouterr().out.splitlines())
+    assert first == {'image': str(scenes / 'empty.png'), 'reason': 'no 9x6 chessboard found'}
+    assert 'reason' not in second
+
+
+def test_missing_and_cut_pictures_cost_only_themselves(scenes, tmp_path, capsys):
+    cut = tmp_path / 'cut.png'
+    cut.write_bytes((scenes / 'a.png').read_bytes()[:2000])
+    assert estimate(tmp_path / 'none.png', cut, scenes / 'a.png') == 1
+    out, err = capsys.readouterr()
+    first, second = err.splitlines()
+    assert first.startswith(f'p4pfr: {tmp_path / "none.png"}: expected a readable picture')
+    assert second == f'p4pfr: {cut}: expected a whole picture, got a file that is cut short'
+    assert '54/54' in out
+
+
+def test_directory_is_its_pictures_in_order(tmp_path, capsys):
+    for name in ('2.png', '1.PNG', 'notes.txt'):
+        (tmp_path / name).write_text('no picture')
+    assert estimate(tmp_path) == 1
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.startswith(f'p4pfr: {tmp_path / "1.PNG"}: ')
+    assert second.startswith(f'p4pfr: {tmp_path / "2.png"}: ')
+
+
+def test_directory_without_pictures_is_an_error(tmp_path, capsys):
+    assert estimate(tmp_path) == 1
+    expected = f'p4pfr: {tmp_path}: expected a directory with pictures, found none\n'
+    assert capsys.readouterr().err == expected
+
+
+def test_head_on_view_says_what_it_cannot_tell(tmp_path, capsys):
+    write_scene(tmp_path / 'flat.png', CHESSBOARD, turn_rad=np.zeros(3))
+    assert estimate(tmp_path / 'flat.png', '--json') == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert {'distance', 'focal'} <= set(answer['not_observable'])
+    assert answer['focal_px'] is answer['distance_m'] is answer['position_m'] is None
+    assert answer['sigma']['focal_px'] is None
+    assert answer['rms_px'] < 0.3
+    assert estimate(tmp_path / 'flat.png') == 0
+    out = capsys.readouterr().out
+    assert 'flat.png: this view does not tell: ' in out
+    assert ' ? ' in out
+
+
+def test_ambiguous_view_lists_its_candidates(tmp_path, capsys):
+    # A view that two cameras explain.
+    write_scene(tmp_path / 'm.png', MARKER, turn_rad=(0.79, 0.66, 0.32), at_m=(-0.24, 0.05, 0.87))
+    assert estimate(tmp_path / 'm.png', '--json', board=MARKER) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer['points'] == 4
+    assert len(answer['candidates']) == 2
+    focal_px = [candidate['focal_px'] for candidate in answer['candidates']]
+    assert min(focal_px, key=lambda f: abs(f - FOCAL_PX)) == pytest.approx(FOCAL_PX, rel=0.15)
+    assert estimate(tmp_path / 'm.png', board=MARKER) == 0
+    assert 'm.png: 2 solutions explain this view as well' in capsys.readouterr().out
+
+
+def test_draw_writes_the_picture_with_what_was_found(scenes, tmp_path):
+    folder = tmp_path / 'new' / 'drawn'
+    assert estimate(scenes / 'a.png', '--draw', folder) == 0
+    drawn, original = read_image(folder / 'a_pose.png'), read_image(scenes / 'a.png')
+    assert drawn.shape == original.shape
+    coloured = np.ptp(drawn.astype(int), axis=2) > 60
+    assert 0.005 < coloured.mean() < 0.3
+
+
+def test_draw_does_not_put_two_pictures_into_one_file(scenes, tmp_path, capsys):
+    twin = tmp_path / 'a.png'
+    assert estimate(scenes / 'a.png', twin, '--draw', tmp_path / 'drawn') == 1
+    expected = f'p4pfr: --draw: {scenes / "a.png"} and {twin} would be drawn to one file\n'
+    assert capsys.readouterr().err == expected
+
+
+def test_wrong_board_file_is_one_line(tmp_path, capsys):
+    wrong = tmp_path / 'wrong.yaml'
+    wrong.write_text('boards: {board: {type: chessboard, columns: 9, rows: 6, square_m: -1}}')
+    assert estimate('a.png', board=str(wrong)) == 1
+    out, err = capsys.readouterr()
+    assert out == ''
+    assert err.count('\n') == 1
+    assert err.startswith(f'p4pfr: {wrong}: boards.board.square_m: expected ')
+
+
+@pytest.mark.parametrize(
+    'wrong', [['--center', 'nan', '0'], ['--threshold', '0'], ['--seed', 'x'], ['--unknown']]
+)
+def test_wrong_option_is_named(wrong, capsys):
+    with pytest.raises(SystemExit) as exit_:
+        estimate('a.png', *wrong)
+    assert exit_.value.code == 2
+    assert wrong[0] in capsys.readouterr().err
+
+
+def test_center_is_taken(scenes, capsys):
+    assert estimate(scenes / 'a.png', '--json', '--center', 310, 245) == 0
+    assert json.loads(capsys.readouterr().out)['center_px'] == [310.0, 245.0]
