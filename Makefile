@@ -1,0 +1,55 @@
+# Everything here needs Python 3.10 or later with venv, and nothing else: no ROS, no root.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+INDEX := $(VENV)/share/ament_index/resource_index/packages
+MADE := $(VENV)/.made-from-setup.py
+
+# ament's index of the wheels. A ROS that happens to be sourced must not mix with them.
+export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)
+unexport PYTHONPATH LD_LIBRARY_PATH RMW_IMPLEMENTATION
+
+.PHONY: help venv demo test lint colcon clean
+help:
+	@echo 'make venv    the environment, $(VENV): this package (editable), ROS 2 wheels, tools'
+	@echo 'make demo    a simulated camera, detector and pose node over DDS; writes demo.png'
+	@echo 'make test    unit, property and DDS tests'
+	@echo 'make lint    style and types'
+	@echo 'make colcon  build, run and test as a colcon workspace does'
+	@echo 'make clean   removes all that the above made'
+
+venv: $(MADE)
+
+# An editable install leaves data files out, so they are linked: it looks like any other prefix.
+$(MADE): setup.py
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable '.[ros,test,lint]'
+	mkdir -p $(VENV)/lib/p4pfr_ros $(VENV)/share/p4pfr_ros $(INDEX)
+	ln -sfn $(CURDIR)/resource/p4pfr_ros $(INDEX)/
+	ln -sfn $(CURDIR)/package.xml $(CURDIR)/config $(CURDIR)/launch $(VENV)/share/p4pfr_ros/
+	ln -sfn $(CURDIR)/scripts/* $(VENV)/lib/p4pfr_ros/
+	touch $@
+
+demo: venv
+	$(BIN)/p4pfr demo
+
+# What talks over DDS comes by itself: its processes want the cores that the others would take.
+test: venv
+	$(BIN)/python -m pytest -m 'not dds' -n auto
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n auto test/core
+	$(BIN)/python -m pytest -m dds
+
+lint: venv
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/ament_flake8 --config setup.cfg p4pfr_ros test launch setup.py
+	$(BIN)/ament_pep257 --add-ignore D401 D402 -- p4pfr_ros launch setup.py
+
+colcon:
+	PYTHON='$(PYTHON)' .ci/colcon
+
+clean:
+	rm -rf $(VENV) .venv-colcon .colcon build *.egg-info demo.png
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -prune -exec rm -rf {} +

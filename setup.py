@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Metadata for pip and colcon alike: colcon reads it here, and not from pyproject.toml."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'p4pfr_ros'
+SHARE = f'share/{PACKAGE}'
+
+# Jazzy's own linters, with the plugins that their package.xml names.
+AMENT_LINTERS = [
+    'flake8-blind-except',
+    'flake8-builtins',
+    'flake8-class-newline',
+    'flake8-comprehensions',
+    'flake8-deprecated',
+    'flake8-docstrings',
+    'flake8-import-order',
+    'flake8-quotes',
+    'ros-ament-flake8<0.18',
+    'ros-ament-pep257<0.18',
+]
+
+setup(
+    name=PACKAGE,
+    version='0.1.0',
+    description='Pose, focal length and distortion from one view of a flat marker or board',
+    maintainer='p4pfr_ros maintainers',
+    maintainer_email='maintainers@p4pfr-ros.example.org',
+    license='Apache-2.0',
+    python_requires='>=3.10',
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    package_data={PACKAGE: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (SHARE, ['package.xml']),
+        (f'{SHARE}/config', glob('config/*.yaml')),
+        (f'{SHARE}/config/boards', glob('config/boards/*.yaml')),
+        (f'{SHARE}/launch', glob('launch/*.launch.py')),
+        # `ros2 run` and launch look for executables here, where pip puts no console script.
+        (f'lib/{PACKAGE}', glob('scripts/*')),
+    ],
+    zip_safe=False,
+    entry_points={'console_scripts': [f'p4pfr = {PACKAGE}.cli:main']},
+    install_requires=[
+        'matplotlib',
+        'numba',
+        'numpy',
+        'opencv-python-headless>=4.6',
+        'pyyaml',
+        'rich',
+    ],
+    extras_require={
+        # ROS 2 Jazzy without a ROS installation. A sourced ROS has all this already.
+        'ros': [
+            'ros-jazzy-common-interfaces',
+            'ros-jazzy-rclpy',
+            'ros-jazzy-rmw-fastrtps-cpp',
+        ],
+        # colcon looks for pytest here: without it, it runs no test and calls that success.
+        'test': ['catkin-pkg', 'hypothesis', 'pytest', 'pytest-timeout', 'pytest-xdist'],
+        'lint': ['mypy', 'ruff', 'types-PyYAML', *AMENT_LINTERS],
+    },
+)

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is said of the package in several places is the same, and what it promises is there."""
+
+import ast
+from importlib import import_module, metadata
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+from catkin_pkg.changelog import get_changelog_from_path
+from catkin_pkg.package import parse_package
+import p4pfr_ros
+import pytest
+
+ROOT = Path(__file__).parent.parent
+NODES = {'pose_node', 'detector_node', 'camera_simulator'}
+
+# What PyPI and rosdep call the modules that we import.
+PYPI = {'cv2': 'opencv-python-headless', 'yaml': 'pyyaml', 'catkin_pkg': 'catkin-pkg'}
+ROSDEP = {
+    'cv2': 'python3-opencv',
+    'catkin_pkg': 'python3-catkin-pkg-modules',
+    'matplotlib': 'python3-matplotlib',
+    'numba': 'python3-numba',
+    'numpy': 'python3-numpy',
+    'rich': 'python3-rich',
+    'yaml': 'python3-yaml',
+}
+COME_WITH_RCLPY = {'ament_index_python', 'builtin_interfaces', 'rosidl_generator_py'}
+
+
+@pytest.fixture(scope='module')
+def package():
+    """Give package.xml, parsed and validated."""
+    return parse_package(str(ROOT))
+
+
+def requirements(extra=None):
+    """Give the PyPI names that the installed package, or one of its extras, asks for."""
+    found = set()
+    for line in metadata.requires('p4pfr_ros'):
+        marker = re.search(r'extra == "(\w+)"', line)
+        if extra == (marker and marker.group(1)):
+            found.add(re.match(r'[\w.-]+', line).group().lower())
+    return found
+
+
+def third_parties(*folders):
+    """Give the top names of the modules imported in folders, but ours and the standard ones."""
+    tops = set()
+    for path in (p for folder in folders for p in (ROOT / folder).rglob('*.py')):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                tops |= {alias.name.split('.')[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0:
+                tops.add(node.module.split('.')[0])
+    return tops - set(sys.stdlib_module_names) - {'p4pfr_ros'}
+
+
+def test_one_version(package):
+    assert package.version == metadata.version('p4pfr_ros') == p4pfr_ros.__version__
+
+
+def test_one_description_of_who_and_what(package):
+    about = metadata.metadata('p4pfr_ros')
+    assert package.name == about['Name'].replace('-', '_') == 'p4pfr_ros'
+    assert package.licenses == [about['License'] or about['License-Expression']] == ['Apache-2.0']
+    [maintainer] = package.maintainers
+    assert (maintainer.name, maintainer.email) == (about['Maintainer'], about['Maintainer-email'])
+
+
+@pytest.mark.filterwarnings('ignore::DeprecationWarning')  # of docutils, used by catkin_pkg
+def test_changelog_reads_as_rep_132():
+    changelog = get_changelog_from_path(str(ROOT / 'CHANGELOG.rst'), 'p4pfr_ros')
+    assert p4pfr_ros.__version__ in [version for version, _, _ in changelog.foreach_version()]
+
+
+def test_package_xml_names_what_is_imported(package):
+    used = third_parties('p4pfr_ros', 'launch') - {'apriltag_msgs'}
+    assert {d.name for d in package.exec_depends} == {ROSDEP.get(top, top) for top in used}
+
+
+def test_setup_py_names_what_is_imported():
+    from_pypi = {top for top in third_parties('p4pfr_ros') if top in ROSDEP}
+    assert requirements() == {PYPI.get(top, top) for top in from_pypi}
+
+
+def test_extra_and_package_xml_name_what_the_tests_import(package):
+    local = {path.stem for path in (ROOT / 'test').rglob('*.py')}
+    used = third_parties('test') - third_parties('p4pfr_ros') - local - COME_WITH_RCLPY
+    assert {PYPI.get(top, top) for top in used} <= requirements('test')
+    rosdep = {ROSDEP.get(top, f'python3-{top}') for top in used}
+    assert rosdep <= {depend.name for depend in package.test_depends}
+
+
+def test_console_script_is_importable():
+    [script] = [e for e in metadata.entry_points(group='console_scripts') if e.name == 'p4pfr']
+    assert callable(script.load())
+
+
+@pytest.mark.parametrize('path', sorted((ROOT / 'scripts').iterdir()), ids=lambda p: p.name)
+def test_launcher_starts_a_main_that_exists(path):
+    assert os.access(path, os.X_OK)
+    [module] = re.findall(r'from (\S+) import main', path.read_text())
+    assert module == f'p4pfr_ros.ros.{path.name}'
+    assert callable(import_module(module).main)
+
+
+def test_every_node_has_a_launcher():
+    assert {path.name for path in (ROOT / 'scripts').iterdir()} == NODES
+
+
+def test_data_files_are_installed():
+    from ament_index_python.packages import get_package_share_directory
+
+    share = Path(get_package_share_directory('p4pfr_ros'))
+    for pattern in ('package.xml', 'config/*.yaml', 'config/boards/*.yaml', 'launch/*.launch.py'):
+        ours = {str(path.relative_to(ROOT)) for path in ROOT.glob(pattern)}
+        assert ours, pattern
+        assert ours == {str(path.relative_to(share)) for path in share.glob(pattern)}
+
+
+def test_python_m_is_the_command():
+    said = subprocess.run(
+        [sys.executable, '-m', 'p4pfr_ros', '--version'],
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    assert said == f'p4pfr_ros {p4pfr_ros.__version__}\n'
