@@ -62,13 +62,11 @@ def _residual(solution: Array, image: Array, board: Array) -> float:
         x, y = image[i, 0], image[i, 1]
         z = solution[G] + solution[H] * (x * x + y * y)
         cx, cy, cz = py * z - pz * y, pz * x - px * z, px * y - py * x
-        sine2 = (cx * cx + cy * cy + cz * cz) / (
-            (px * px + py * py + pz * pz) * (x * x + y * y + z * z)
-        )
+        miss2 = (cx * cx + cy * cy + cz * cz) / (px * px + py * py + pz * pz)
         # Behind the camera, along the ray, is no solution; NaN is none either.
         if not px * x + py * y + pz * z > 0.0:
             return math.inf
-        worst = max(worst, sine2)
+        worst = max(worst, miss2)
     return math.sqrt(worst)
 
 
