@@ -47,7 +47,7 @@ setup(
         'matplotlib',
         'numba',
         'numpy',
-        'opencv-python-headless>=4.6',
+        'opencv-python-headless>=4.7',  # before, ArUco was in the contrib build alone
         'pyyaml',
         'rich',
     ],

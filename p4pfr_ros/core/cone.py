@@ -15,7 +15,7 @@ physical solution is λ = (1 - τ) a + τ b with 0 < τ < 1. No cone: no solutio
 from __future__ import annotations
 
 from .geometry import Array
-from .jit import jit
+from .jit import kernel
 
 # What rounding leaves of a product whose true value is zero, as a multiple of the sizes of its
 # factors. The image points are differences (pixel minus centre): each carries an error of ε
@@ -26,7 +26,7 @@ _ROUNDING = 1e-14
 _MIN_OPENING = 1e-12
 
 
-@jit
+@kernel
 def depth_cone(image: Array, radius: Array, m: Array, plane: Array, rays: Array) -> bool:
     """
     Find the extreme rays of {λ ≥ 0, Σ λᵢ mᵢ (xᵢ, yᵢ) = 0}; False: there is no cone.
@@ -72,7 +72,7 @@ def depth_cone(image: Array, radius: Array, m: Array, plane: Array, rays: Array)
     return found >= 2
 
 
-@jit
+@kernel
 def board_weights(board: Array, m: Array) -> bool:
     """
     Write m (4,) with Σ mᵢ = 0, Σ mᵢ (Xᵢ, Yᵢ) = 0, the largest ±1; False for points on a line.
@@ -99,13 +99,13 @@ def board_weights(board: Array, m: Array) -> bool:
     return True
 
 
-@jit
+@kernel
 def _set_pair(plane: Array, row: int, column: int, value: float) -> None:
     plane[row, column] = value
     plane[column, row] = -value
 
 
-@jit
+@kernel
 def _cross(image: Array, radius: Array, i: int, j: int) -> float:
     """Cross product; exactly zero where it is zero but for rounding (one ray, or the centre)."""
     value: float = image[i, 0] * image[j, 1] - image[i, 1] * image[j, 0]

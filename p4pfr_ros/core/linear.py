@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from .geometry import Array
-from .jit import jit
+from .jit import kernel
 
 
-@jit
+@kernel
 def solve_in_place(system: Array, n: int) -> bool:
     """
     Solve n equations by elimination with row pivots; the answer is column n.
@@ -39,7 +39,14 @@ def solve_in_place(system: Array, n: int) -> bool:
     return True
 
 
-@jit
+@kernel
+def copy_row(source: Array, target: Array) -> None:
+    """Copy one-dimensional arrays; a slice's assignment would allocate, as they might overlap."""
+    for i in range(len(target)):
+        target[i] = source[i]
+
+
+@kernel
 def rotate(rotation: Array, wx: float, wy: float, wz: float, out: Array) -> None:
     """Turn a rotation (nine numbers, row by row) by ω, radians in the target frame."""
     # The quaternion of the angle 2 atan(|ω|/2) agrees with exp(ω) to second order, which is all

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from .cone import board_weights, depth_cone
 from .geometry import Array, as_points, Ints
-from .jit import jit
+from .jit import kernel
 from .normalise import board_duals, scale_image, unscale
 from .polish import polish
 from .recover import place_centroid, pose_from_root
@@ -150,14 +150,17 @@ def workspace() -> Workspace:
     )
 
 
-@jit
+@kernel
 def _solve_all(image: Array, board: Array, rows: Array, count: Ints, room: Workspace) -> None:
     for i in range(len(count)):
         count[i] = solve_minimal(image[i], board[i], UNFOLDED, rows[i], room)
-        rows[i, count[i] :] = math.nan
+        # What was tried last and rejected has left its numbers.
+        if count[i] < MAX_ROOTS:
+            for j in range(ROW_SIZE):
+                rows[i, count[i], j] = math.nan
 
 
-@jit
+@kernel
 def solve_minimal(
     image: Array, board: Array, max_bend: float, rows: Array, room: Workspace
 ) -> int:

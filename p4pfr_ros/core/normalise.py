@@ -6,11 +6,11 @@ from __future__ import annotations
 import math
 
 from .geometry import Array
-from .jit import jit
+from .jit import kernel
 from .solution import G, H, TRANSLATION
 
 
-@jit
+@kernel
 def scale_image(image: Array, scaled: Array, radius: Array) -> float:
     """Scale the farthest point to radius 1; write the radii (4,); return the scale, px."""
     farthest2 = 0.0
@@ -28,7 +28,7 @@ def scale_image(image: Array, scaled: Array, radius: Array) -> float:
     return scale_px
 
 
-@jit
+@kernel
 def board_duals(board: Array, scaled: Array, duals: Array) -> float:
     """
     Centre the board and scale it to about 1, and find the vectors that take it apart.
@@ -58,7 +58,7 @@ def board_duals(board: Array, scaled: Array, duals: Array) -> float:
     return size
 
 
-@jit
+@kernel
 def unscale(row: Array, board: Array, scale_px: float, size: float) -> None:
     """Take a solution from the scaled, centred problem to pixels and the board's own frame."""
     row[G] *= scale_px

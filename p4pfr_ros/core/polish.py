@@ -6,19 +6,19 @@ from __future__ import annotations
 import math
 
 from .geometry import Array
-from .jit import jit
-from .linear import rotate, solve_in_place
+from .jit import kernel
+from .linear import copy_row, rotate, solve_in_place
 from .solution import G, H, TRANSLATION
 
 # The sine of the angle between ray and point that some eight roundings leave: no step below it.
-_GOOD_ENOUGH = 8e-16
+_GOOD_ENOUGH = 3e-15
 
 # A step that does not lower the residual by so much was rounding's; each costs more than a root.
 _WORTHWHILE = 0.5
 _MAX_STEPS = 3
 
 
-@jit
+@kernel
 def polish(solution: Array, image: Array, board: Array, system: Array, trial: Array) -> float:
     """
     Improve a solution in place and return its residual.
@@ -38,20 +38,20 @@ def polish(solution: Array, image: Array, board: Array, system: Array, trial: Ar
         better = _residual(trial, image, board)
         worthwhile = better < _WORTHWHILE * residual
         if better < residual:
-            solution[:] = trial
+            copy_row(trial, solution)
             residual = better
         if not worthwhile:
             break
     return residual
 
 
-@jit
+@kernel
 def _point(s: Array, x: float, y: float) -> tuple[float, float, float]:
     """Take a board point to the camera's frame, without the translation."""
     return (s[0] * x + s[1] * y, s[3] * x + s[4] * y, s[6] * x + s[7] * y)
 
 
-@jit
+@kernel
 def _residual(solution: Array, image: Array, board: Array) -> float:
     worst = 0.0
     for i in range(4):
@@ -70,7 +70,7 @@ def _residual(solution: Array, image: Array, board: Array) -> float:
     return math.sqrt(worst)
 
 
-@jit
+@kernel
 def _linearise(solution: Array, image: Array, board: Array, system: Array) -> None:
     """Write the (8, 9) system of the step: rotation, translation, g, h; then the right side."""
     for i in range(4):
@@ -104,7 +104,7 @@ def _linearise(solution: Array, image: Array, board: Array, system: Array) -> No
         system[second, 8] = -(ax * px + ay * py + az * pz)
 
 
-@jit
+@kernel
 def _fill_row(
     row: Array,
     qx: float,
@@ -126,7 +126,7 @@ def _fill_row(
     row[7] = by_depth * r2
 
 
-@jit
+@kernel
 def _step(solution: Array, system: Array, trial: Array) -> None:
     rotate(solution, system[0, 8], system[1, 8], system[2, 8], trial)
     for i in range(3):

@@ -6,12 +6,12 @@ from __future__ import annotations
 import math
 
 from .geometry import Array
-from .jit import jit
+from .jit import kernel
 from .sextic import evaluate, Factors
 from .solution import G, H, TRANSLATION
 
 
-@jit
+@kernel
 def pose_from_root(f: Factors, tau: float, row: Array) -> bool:
     """Write rotation, focal length and h of a root; its translation slot holds the scale."""
     at = evaluate(f, tau)
@@ -33,7 +33,7 @@ def pose_from_root(f: Factors, tau: float, row: Array) -> bool:
     return scale > 0.0
 
 
-@jit
+@kernel
 def orthogonal_factor(h1: complex, h2: complex, h3: complex, row: Array) -> float:
     """
     Write the rotation nearest to s [r₁ r₂] = [Re h, Im h] and return its scale s; 0: none.
@@ -60,7 +60,7 @@ def orthogonal_factor(h1: complex, h2: complex, h3: complex, row: Array) -> floa
     return 0.5 * trace
 
 
-@jit
+@kernel
 def place_centroid(rays: Array, tau: float, image: Array, row: Array) -> None:
     """Replace the scale in the translation slot by the centroid in the camera's frame."""
     scale = 0.25 / row[TRANSLATION]

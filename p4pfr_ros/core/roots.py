@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from .geometry import Array
-from .jit import jit
+from .jit import kernel
 from .sextic import coefficients, evaluate, Factors, Seven
 
 MAX_ROOTS = 6
@@ -36,7 +36,7 @@ _TAU_SMALL = 1e-9
 STACK_SHAPE = (1024, 2)
 
 
-@jit
+@kernel
 def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> int:
     """
     Write the roots in (0, 1) that may be a camera's to ``roots`` (6,); return their number.
@@ -47,35 +47,40 @@ def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> i
     found = 0
     waiting = _bounded_bend(f, max_bend, stack)
     for _ in range(_MAX_INTERVALS):
-        if waiting == 0 or found == MAX_ROOTS:
+        if waiting == 0:
             break
         waiting -= 1
         low, high = stack[waiting, 0], stack[waiting, 1]
         signs = _signs(coefficients(f, low, high))
-        if signs.variations == 0 or not signs.feasible:
-            continue
-        if signs.variations == 1:
-            guess = low + (high - low) * signs.first
-            roots[found] = _bracketed_newton(f, low, high, guess, signs.rising)
-            found += 1
-        elif high - low < _SHORTEST:
-            roots[found] = 0.5 * (low + high)
-            found += 1
-        else:
+        if signs.variations > 1 and high - low >= _SHORTEST:
+            # Nearer the second root: the first is then alone more often than not.
             share = 0.3 * signs.first + 0.7 * signs.second
             split = low + (high - low) * min(max(share, _MARGIN), 1.0 - _MARGIN)
-            # A root at the split itself, as symmetric boards have it, shows in neither part.
-            at = evaluate(f, split)
-            if at.sextic == 0.0 and at.re < 0.0:
-                roots[found] = split
-                found += 1
             stack[waiting, 0], stack[waiting, 1] = split, high
             stack[waiting + 1, 0], stack[waiting + 1, 1] = low, split
             waiting += 2
+            continue
+        if signs.variations == 1:
+            guess = low + (high - low) * signs.first
+            found = _keep(f, _bracketed_newton(f, low, high, guess, signs.rising), roots, found)
+        elif signs.variations > 1:
+            found = _keep(f, 0.5 * (low + high), roots, found)
+        # A root where an interval was split, as symmetric boards have it, shows in neither part.
+        if signs.zero_at_high and high < 1.0:
+            found = _keep(f, high, roots, found)
     return found
 
 
-@jit
+@kernel
+def _keep(f: Factors, tau: float, roots: Array, found: int) -> int:
+    """Append a root where f² > 0, which asks for Re(q z̄²) < 0; return the new number."""
+    if found < MAX_ROOTS and evaluate(f, tau).re < 0.0:
+        roots[found] = tau
+        return found + 1
+    return found
+
+
+@kernel
 def _bounded_bend(f: Factors, max_bend: float, stack: Array) -> int:
     """Write the parts of (0, 1) where k < max_bend, the first on top; return their number."""
     if max_bend == math.inf:
@@ -107,24 +112,21 @@ class Signs(NamedTuple):
     interval; rising says whether the first crossing does.
     """
 
-    feasible: bool
     variations: int
     first: float
     second: float
     rising: bool
+    zero_at_high: bool
 
 
-@jit
+@kernel
 def _signs(coefficients: Seven) -> Signs:
     variations = 0
     first = second = 0.5
     rising = False
     at, before = 0, 0.0
-    lowest = 0.0
     for i in range(7):
-        # f² > 0 asks for Re(q z̄²) < 0, and coefficients bound their polynomial.
-        lowest = min(lowest, coefficients[i].real)
-        after = coefficients[i].imag
+        after = coefficients[i]
         if before * after < 0.0:
             crossing = (at + (i - at) * before / (before - after)) / 6.0
             if variations == 0:
@@ -135,10 +137,10 @@ def _signs(coefficients: Seven) -> Signs:
             variations += 1
         if after != 0.0:
             at, before = i, after
-    return Signs(lowest < 0.0, variations, first, second, rising)
+    return Signs(variations, first, second, rising, coefficients[6] == 0.0)
 
 
-@jit
+@kernel
 def _bracketed_newton(f: Factors, low: float, high: float, tau: float, rising: bool) -> float:
     """Find the one root between low and high from a guess: Newton, bisection where it leaves."""
     before = high - low
@@ -152,8 +154,12 @@ def _bracketed_newton(f: Factors, low: float, high: float, tau: float, rising: b
         size = abs(step)
         if size <= _TAU_ROUNDING or (size < _TAU_SMALL and size > 0.9 * before):
             return tau
+        # Convergence is quadratic: the next step would be about size (size / before)².
+        last = size * size * size <= _TAU_ROUNDING * before * before
         before = size
         tau += step
         if not low < tau < high:
             tau = 0.5 * (low + high)
+        elif last:
+            return tau
     return tau

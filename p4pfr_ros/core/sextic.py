@@ -28,9 +28,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from .geometry import Array
-from .jit import jit
+from .jit import kernel
 
-Seven = tuple[complex, complex, complex, complex, complex, complex, complex]
+Seven = tuple[float, float, float, float, float, float, float]
 
 
 class Factors(NamedTuple):
@@ -63,7 +63,7 @@ class Value(NamedTuple):
     re: float  # Re(q z̄²)
 
 
-@jit
+@kernel
 def factors(image: Array, m: Array, rays: Array, duals: Array) -> Factors:
     """Sum the six functions at both ends; duals is c, (4, 2) as real and imaginary part."""
     u0 = u1 = v0 = v1 = l0 = l1 = p0 = p1 = 0.0j
@@ -89,7 +89,7 @@ def factors(image: Array, m: Array, rays: Array, duals: Array) -> Factors:
     return Factors(u0, u1, v0, v1, l0, l1, p0, p1, n0, n1, d0, d1)
 
 
-@jit
+@kernel
 def evaluate(f: Factors, tau: float) -> Value:
     """Evaluate the sextic and its slope from the factors, not from coefficients."""
     s = 1.0 - tau
@@ -111,9 +111,9 @@ def evaluate(f: Factors, tau: float) -> Value:
     return Value(product.imag, slope, u, v, z, n, d, product.real)
 
 
-@jit
+@kernel
 def coefficients(f: Factors, low: float, high: float) -> Seven:
-    """Return the Bernstein coefficients of q z̄² over an interval."""
+    """Return the sextic's Bernstein coefficients over an interval."""
     # The factors' values at the interval's ends are all that changes with the interval.
     s, t = 1.0 - low, 1.0 - high
     u0, u1 = s * f.u0 + low * f.u1, t * f.u0 + high * f.u1
@@ -130,11 +130,11 @@ def coefficients(f: Factors, low: float, high: float) -> Seven:
     z2 = (d1 * l1 - n1 * p1).conjugate()
     w0, w1, w2, w3, w4 = z0 * z0, 2.0 * z0 * z1, z1 * z1 + 2.0 * z0 * z2, 2.0 * z1 * z2, z2 * z2
     return (
-        q0 * w0,
-        (q0 * w1 + q1 * w0) * (1.0 / 6.0),
-        (q0 * w2 + q1 * w1 + q2 * w0) * (1.0 / 15.0),
-        (q0 * w3 + q1 * w2 + q2 * w1) * (1.0 / 20.0),
-        (q0 * w4 + q1 * w3 + q2 * w2) * (1.0 / 15.0),
-        (q1 * w4 + q2 * w3) * (1.0 / 6.0),
-        q2 * w4,
+        (q0 * w0).imag,
+        (q0 * w1 + q1 * w0).imag * (1.0 / 6.0),
+        (q0 * w2 + q1 * w1 + q2 * w0).imag * (1.0 / 15.0),
+        (q0 * w3 + q1 * w2 + q2 * w1).imag * (1.0 / 20.0),
+        (q0 * w4 + q1 * w3 + q2 * w2).imag * (1.0 / 15.0),
+        (q1 * w4 + q2 * w3).imag * (1.0 / 6.0),
+        (q2 * w4).imag,
     )

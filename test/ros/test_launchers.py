@@ -14,6 +14,7 @@ import rclpy
 pytestmark = pytest.mark.dds
 
 PATIENCE_S = 60.0
+ASK_AGAIN_S = 3.0
 
 
 @pytest.fixture
@@ -47,11 +48,15 @@ def wait_for_answer(observer, name, process):
     client = observer.create_client(GetParameters, f'/{name}/get_parameters')
     request = GetParameters.Request(names=['use_sim_time'])
     ends_s = time.monotonic() + PATIENCE_S
-    answer = None
-    while answer is None or not answer.done():
+    asks_s = 0.0
+    answers = []
+    while not any(answer.done() for answer in answers):
         assert process.poll() is None, f'{name} ended by itself: {process.returncode}'
         assert time.monotonic() < ends_s, f'{name} did not answer'
-        if answer is None and client.service_is_ready():
-            answer = client.call_async(request)
+        # A service can be seen before it sees its client, and then its answer is lost: ask again.
+        if time.monotonic() > asks_s and client.service_is_ready():
+            answers.append(client.call_async(request))
+            asks_s = time.monotonic() + ASK_AGAIN_S
         rclpy.spin_once(observer, timeout_sec=0.05)
+    answer = next(answer for answer in answers if answer.done())
     assert len(answer.result().values) == 1
