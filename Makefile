@@ -9,13 +9,14 @@ MADE := $(VENV)/.made-from-setup.py
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)
 unexport PYTHONPATH LD_LIBRARY_PATH RMW_IMPLEMENTATION
 
-.PHONY: help venv demo test lint colcon clean
+.PHONY: help venv demo test lint colcon opencv46 clean
 help:
 	@echo 'make venv    the environment, $(VENV): this package (editable), ROS 2 wheels, tools'
 	@echo 'make demo    a simulated camera, detector and pose node over DDS; writes demo.png'
 	@echo 'make test    unit, property and DDS tests'
 	@echo 'make lint    style and types'
 	@echo 'make colcon  build, run and test as a colcon workspace does'
+	@echo 'make opencv46  the image side with the oldest OpenCV that is still in use'
 	@echo 'make clean   removes all that the above made'
 
 venv: $(MADE)
@@ -49,7 +50,10 @@ lint: venv
 colcon:
 	PYTHON='$(PYTHON)' .ci/colcon
 
+opencv46:
+	PYTHON='$(PYTHON)' .ci/opencv46
+
 clean:
-	rm -rf $(VENV) .venv-colcon .colcon build *.egg-info demo.png
+	rm -rf $(VENV) .venv-colcon .venv-opencv46 .colcon build *.egg-info demo.png
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +
