@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+import math
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,14 @@ class Pose:
             raise ValueError(f'rotation must be a rotation matrix, got {rotation.tolist()}')
         object.__setattr__(self, 'rotation', rotation)
         object.__setattr__(self, 'translation', translation)
+
+    @classmethod
+    def unchecked(cls, rotation: Array, translation: Array) -> Pose:
+        """Make a pose of what is known to be one: a kernel's answer. Ten times as fast."""
+        pose = object.__new__(cls)
+        object.__setattr__(pose, 'rotation', rotation)
+        object.__setattr__(pose, 'translation', translation)
+        return pose
 
     @classmethod
     def identity(cls) -> Pose:
@@ -144,14 +153,18 @@ def as_points(values: ArrayLike, name: str, shape: tuple[int | None, ...]) -> Ar
         array: Array = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f'{name} must be numbers of shape {_text(shape)}: {error}') from None
-    fits = array.ndim == len(shape) and all(
-        want is None or want == got for want, got in zip(shape, array.shape, strict=True)
-    )
-    if not fits:
+    if array.shape != shape and not _fits(array.shape, shape):
         raise ValueError(f'{name} must have shape {_text(shape)}, got {_text(array.shape)}')
-    if not np.isfinite(array).all():
+    # A sum of squares is not finite where a number is not, or where one is huge: then look again.
+    if not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
         raise ValueError(f'{name} must be finite, got {_first_bad(array)}')
     return array
+
+
+def _fits(got: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
+    return len(got) == len(wanted) and all(
+        want is None or want == have for want, have in zip(wanted, got, strict=True)
+    )
 
 
 def _text(shape: tuple[Any, ...]) -> str:

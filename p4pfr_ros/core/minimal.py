@@ -12,6 +12,7 @@ about its own side or diagonal, and k when all four points have one distance fro
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
@@ -21,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from .cone import board_weights, depth_cone
 from .geometry import Array, as_points, Ints
-from .jit import kernel
+from .jit import jit, kernel
 from .normalise import board_duals, scale_image, unscale
 from .polish import polish
 from .recover import place_centroid, pose_from_root
@@ -84,26 +85,37 @@ def solve_p4pfr(image_points: ArrayLike, board_points: ArrayLike) -> list[Soluti
     image = as_points(image_points, 'image_points', (4, 2))
     board = as_points(board_points, 'board_points', (4, 2))
     rows = np.empty((MAX_ROOTS, ROW_SIZE))
-    count = solve_minimal(image, board, UNFOLDED, rows, workspace())
+    count = _solve_one(image, board, rows)
     return [solution_from_row(row, (0.0, 0.0)) for row in rows[:count]]
 
 
-def solve_p4pfr_batch(image_points: ArrayLike, board_points: ArrayLike) -> SolutionBatch:
+def solve_p4pfr_batch(
+    image_points: ArrayLike, board_points: ArrayLike, *, workers: int = 1
+) -> SolutionBatch:
     """
     Solve n problems at once: ``solve_p4pfr`` for (n, 4, 2) image and board points.
+
+    ``workers`` threads share the work; the kernels hold no lock of the interpreter's.
 
     Raises
     ------
     ValueError
-        A wrong shape, or a number that is not finite.
+        A wrong shape, a number that is not finite, or fewer than one worker.
 
     """
+    if workers < 1:
+        raise ValueError(f'workers must be at least 1, got {workers}')
     image = as_points(image_points, 'image_points', (None, 4, 2))
     board = as_points(board_points, 'board_points', (len(image), 4, 2))
     n = len(image)
     rows = np.full((n, MAX_ROOTS, ROW_SIZE), np.nan)
     count = np.zeros(n, dtype=np.int64)
-    _solve_all(image, board, rows, count, workspace())
+    if workers == 1:
+        _solve_all(image, board, rows, count)
+    else:
+        shares = [np.array_split(array, workers) for array in (image, board, rows, count)]
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(_solve_all, *shares))
     return SolutionBatch(
         count,
         rows[..., G],
@@ -131,6 +143,7 @@ class Workspace(NamedTuple):
     trial: Array
 
 
+@jit
 def workspace() -> Workspace:
     """Make the room that ``solve_minimal`` works in."""
     return Workspace(
@@ -150,8 +163,18 @@ def workspace() -> Workspace:
     )
 
 
+@jit
+def _solve_one(image: Array, board: Array, rows: Array) -> int:
+    return solve_minimal(image, board, UNFOLDED, rows, workspace())
+
+
+@jit
+def _solve_all(image: Array, board: Array, rows: Array, count: Ints) -> None:
+    _solve_each(image, board, rows, count, workspace())
+
+
 @kernel
-def _solve_all(image: Array, board: Array, rows: Array, count: Ints, room: Workspace) -> None:
+def _solve_each(image: Array, board: Array, rows: Array, count: Ints, room: Workspace) -> None:
     for i in range(len(count)):
         count[i] = solve_minimal(image[i], board[i], UNFOLDED, rows[i], room)
         # What was tried last and rejected has left its numbers.

@@ -62,19 +62,21 @@ def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> i
             continue
         if signs.variations == 1:
             guess = low + (high - low) * signs.first
-            found = _keep(f, _bracketed_newton(f, low, high, guess, signs.rising), roots, found)
+            root, re = _bracketed_newton(f, low, high, guess, signs.rising)
+            found = _keep(root, re, roots, found)
         elif signs.variations > 1:
-            found = _keep(f, 0.5 * (low + high), roots, found)
+            middle = 0.5 * (low + high)
+            found = _keep(middle, evaluate(f, middle).re, roots, found)
         # A root where an interval was split, as symmetric boards have it, shows in neither part.
         if signs.zero_at_high and high < 1.0:
-            found = _keep(f, high, roots, found)
+            found = _keep(high, evaluate(f, high).re, roots, found)
     return found
 
 
 @kernel
-def _keep(f: Factors, tau: float, roots: Array, found: int) -> int:
+def _keep(tau: float, re: float, roots: Array, found: int) -> int:
     """Append a root where f² > 0, which asks for Re(q z̄²) < 0; return the new number."""
-    if found < MAX_ROOTS and evaluate(f, tau).re < 0.0:
+    if found < MAX_ROOTS and re < 0.0:
         roots[found] = tau
         return found + 1
     return found
@@ -120,32 +122,66 @@ class Signs(NamedTuple):
 
 
 @kernel
-def _signs(coefficients: Seven) -> Signs:
-    variations = 0
-    first = second = 0.5
-    rising = False
-    at, before = 0, 0.0
-    for i in range(7):
-        after = coefficients[i]
-        if before * after < 0.0:
-            crossing = (at + (i - at) * before / (before - after)) / 6.0
-            if variations == 0:
-                first = crossing
-                rising = after > 0.0
-            elif variations == 1:
-                second = crossing
-            variations += 1
-        if after != 0.0:
-            at, before = i, after
-    return Signs(variations, first, second, rising, coefficients[6] == 0.0)
+def _signs(c: Seven) -> Signs:
+    zero_at_high = c[6] == 0.0
+    if c[0] * c[1] * c[2] == 0.0 or c[3] * c[4] * c[5] == 0.0 or zero_at_high:
+        c = _zeros_filled(c)
+    # Without a branch: which signs change is what no processor can foresee.
+    variations = (
+        int((c[0] < 0.0) != (c[1] < 0.0))
+        + int((c[1] < 0.0) != (c[2] < 0.0))
+        + int((c[2] < 0.0) != (c[3] < 0.0))
+        + int((c[3] < 0.0) != (c[4] < 0.0))
+        + int((c[4] < 0.0) != (c[5] < 0.0))
+        + int((c[5] < 0.0) != (c[6] < 0.0))
+    )
+    if variations == 0:
+        return Signs(0, 0.5, 0.5, False, zero_at_high)
+    first, after = _crossing(c, 0)
+    if variations == 1:
+        return Signs(1, first, 0.5, c[0] < 0.0, zero_at_high)
+    second, _ = _crossing(c, after)
+    return Signs(variations, first, second, c[0] < 0.0, zero_at_high)
 
 
 @kernel
-def _bracketed_newton(f: Factors, low: float, high: float, tau: float, rising: bool) -> float:
-    """Find the one root between low and high from a guess: Newton, bisection where it leaves."""
+def _crossing(c: Seven, start: int) -> tuple[float, int]:
+    """Return where the polygon first crosses zero from a corner on, and the corner after it."""
+    for i in range(start, 6):
+        if (c[i] < 0.0) != (c[i + 1] < 0.0):
+            return (i + c[i] / (c[i] - c[i + 1])) / 6.0, i + 1
+    return 0.5, 6
+
+
+@kernel
+def _zeros_filled(c: Seven) -> Seven:
+    """Give zeros the value before them, or where there is none the first: no sign of their own."""
+    last = 0.0
+    for i in range(6, -1, -1):
+        if c[i] != 0.0:
+            last = c[i]
+    c0 = last
+    c1 = c[1] if c[1] != 0.0 else c0
+    c2 = c[2] if c[2] != 0.0 else c1
+    c3 = c[3] if c[3] != 0.0 else c2
+    c4 = c[4] if c[4] != 0.0 else c3
+    c5 = c[5] if c[5] != 0.0 else c4
+    c6 = c[6] if c[6] != 0.0 else c5
+    return c0, c1, c2, c3, c4, c5, c6
+
+
+@kernel
+def _bracketed_newton(
+    f: Factors, low: float, high: float, tau: float, rising: bool
+) -> tuple[float, float]:
+    """
+    Find the one root between low and high from a guess: Newton, bisection where it leaves.
+
+    Returned are the root and Re(q z̄²) there, or a step's rounding away.
+    """
     before = high - low
+    value = evaluate(f, tau)
     for _ in range(_MAX_NEWTON_STEPS):
-        value = evaluate(f, tau)
         if (value.sextic < 0.0) == rising:
             low = tau
         else:
@@ -153,7 +189,7 @@ def _bracketed_newton(f: Factors, low: float, high: float, tau: float, rising: b
         step = -value.sextic / value.slope if value.slope != 0.0 else high - low
         size = abs(step)
         if size <= _TAU_ROUNDING or (size < _TAU_SMALL and size > 0.9 * before):
-            return tau
+            break
         # Convergence is quadratic: the next step would be about size (size / before)².
         last = size * size * size <= _TAU_ROUNDING * before * before
         before = size
@@ -161,5 +197,6 @@ def _bracketed_newton(f: Factors, low: float, high: float, tau: float, rising: b
         if not low < tau < high:
             tau = 0.5 * (low + high)
         elif last:
-            return tau
-    return tau
+            break
+        value = evaluate(f, tau)
+    return tau, value.re

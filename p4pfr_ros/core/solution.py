@@ -26,5 +26,7 @@ class Solution:
 
 def solution_from_row(row: Array, center_px: tuple[float, float]) -> Solution:
     """Dress a kernel's row of numbers."""
-    camera = DivisionCamera(float(row[G]), center_px, float(row[H] * row[G]))
-    return Solution(camera, Pose(row[:TRANSLATION].reshape(3, 3), row[TRANSLATION:G]))
+    g, h = row[G:].tolist()
+    camera = DivisionCamera.unchecked(g, center_px, h * g)
+    pose = Pose.unchecked(row[:TRANSLATION].reshape(3, 3), row[TRANSLATION:G])
+    return Solution(camera, pose)

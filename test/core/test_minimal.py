@@ -66,6 +66,16 @@ def test_batch_has_nan_past_its_count():
         assert np.isfinite(numbers[~past]).all()
 
 
+def test_workers_share_the_work_and_change_nothing():
+    drawn = instances('patch', 101)
+    alone = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
+    shared = solve_p4pfr_batch(drawn.image_points, drawn.board_points, workers=3)
+    np.testing.assert_array_equal(shared.count, alone.count)
+    np.testing.assert_array_equal(shared.translation, alone.translation)
+    with pytest.raises(ValueError, match='workers must be at least 1'):
+        solve_p4pfr_batch(drawn.image_points, drawn.board_points, workers=0)
+
+
 def test_one_and_many_agree():
     drawn = instances('patch', 20)
     batch = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
