@@ -22,11 +22,12 @@ from numpy.typing import ArrayLike
 
 from .cone import board_weights, depth_cone
 from .geometry import Array, as_points, Ints
+from .intervals import STACK_SHAPE
 from .jit import jit, kernel
 from .normalise import board_duals, scale_image, unscale
 from .polish import polish
 from .recover import place_centroid, pose_from_root
-from .roots import feasible_roots, MAX_ROOTS, STACK_SHAPE
+from .roots import feasible_roots, MAX_ROOTS
 from .sextic import factors
 from .solution import G, H, ROW_SIZE, Solution, solution_from_row, TRANSLATION
 
@@ -108,8 +109,8 @@ def solve_p4pfr_batch(
     image = as_points(image_points, 'image_points', (None, 4, 2))
     board = as_points(board_points, 'board_points', (len(image), 4, 2))
     n = len(image)
-    rows = np.full((n, MAX_ROOTS, ROW_SIZE), np.nan)
-    count = np.zeros(n, dtype=np.int64)
+    rows = np.empty((n, MAX_ROOTS, ROW_SIZE))
+    count = np.empty(n, dtype=np.int64)
     if workers == 1:
         _solve_all(image, board, rows, count)
     else:
@@ -177,10 +178,9 @@ def _solve_all(image: Array, board: Array, rows: Array, count: Ints) -> None:
 def _solve_each(image: Array, board: Array, rows: Array, count: Ints, room: Workspace) -> None:
     for i in range(len(count)):
         count[i] = solve_minimal(image[i], board[i], UNFOLDED, rows[i], room)
-        # What was tried last and rejected has left its numbers.
-        if count[i] < MAX_ROOTS:
+        for s in range(count[i], MAX_ROOTS):
             for j in range(ROW_SIZE):
-                rows[i, count[i], j] = math.nan
+                rows[i, s, j] = math.nan
 
 
 @kernel

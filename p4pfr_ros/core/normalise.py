@@ -36,12 +36,12 @@ def board_duals(board: Array, scaled: Array, duals: Array) -> float:
     With the centred points X̂ᵢ, cᵢ = (Σ X̂ X̂ᵀ)⁻¹ X̂ᵢ has Σ cᵢ = 0 and Σ X̂ᵢ cᵢᵀ = I: for any affine
     map of the board, Qᵢ = H X̂ᵢ + t, the sum Σ Qᵢ cᵢᵀ is H. Returned is the scale, board units.
     """
-    mx = 0.25 * (board[0, 0] + board[1, 0] + board[2, 0] + board[3, 0])
-    my = 0.25 * (board[0, 1] + board[1, 1] + board[2, 1] + board[3, 1])
+    mx, my = _mean_from_first(board)
     size = 0.0
     for i in range(4):
-        scaled[i, 0] = board[i, 0] - mx
-        scaled[i, 1] = board[i, 1] - my
+        # Far from its origin a board's mean is rounded, but differences of its points are not.
+        scaled[i, 0] = (board[i, 0] - board[0, 0]) - mx
+        scaled[i, 1] = (board[i, 1] - board[0, 1]) - my
         size = max(size, max(abs(scaled[i, 0]), abs(scaled[i, 1])))
     inverse = 1.0 / size
     xx = xy = yy = 0.0
@@ -59,12 +59,22 @@ def board_duals(board: Array, scaled: Array, duals: Array) -> float:
 
 
 @kernel
+def _mean_from_first(board: Array) -> tuple[float, float]:
+    x, y = board[0, 0], board[0, 1]
+    return (
+        0.25 * ((board[1, 0] - x) + (board[2, 0] - x) + (board[3, 0] - x)),
+        0.25 * ((board[1, 1] - y) + (board[2, 1] - y) + (board[3, 1] - y)),
+    )
+
+
+@kernel
 def unscale(row: Array, board: Array, scale_px: float, size: float) -> None:
     """Take a solution from the scaled, centred problem to pixels and the board's own frame."""
     row[G] *= scale_px
     row[H] /= scale_px
-    mx = 0.25 * (board[0, 0] + board[1, 0] + board[2, 0] + board[3, 0])
-    my = 0.25 * (board[0, 1] + board[1, 1] + board[2, 1] + board[3, 1])
+    mx, my = _mean_from_first(board)
+    mx += board[0, 0]
+    my += board[0, 1]
     for i in range(3):
         t = row[TRANSLATION + i] * size
         row[TRANSLATION + i] = t - row[3 * i] * mx - row[3 * i + 1] * my

@@ -11,7 +11,7 @@ from .linear import copy_row, rotate, solve_in_place
 from .solution import G, H, TRANSLATION
 
 # The sine of the angle between ray and point that some eight roundings leave: no step below it.
-_GOOD_ENOUGH = 3e-15
+_GOOD_ENOUGH = 2e-15
 
 # A step that does not lower the residual by so much was rounding's; each costs more than a root.
 _WORTHWHILE = 0.5

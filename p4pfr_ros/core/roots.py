@@ -1,19 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""
-The roots of the sextic that may be a camera's: isolated by Descartes' rule, found by Newton.
-
-Each interval's coefficients are formed from the factors anew, never from those of the interval
-that it is part of: halving would cost them the digits by which they shrink.
-"""
+"""The roots of the sextic that may be a camera's: isolated by Descartes' rule, found by Newton."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from .geometry import Array
+from .intervals import HIGH, LOW, push_anew, signs_of, split_interval, top
 from .jit import kernel
-from .sextic import coefficients, evaluate, Factors, Seven
+from .sextic import evaluate, Factors
 
 MAX_ROOTS = 6
 
@@ -32,9 +27,6 @@ _MAX_NEWTON_STEPS = 64
 _TAU_ROUNDING = 3e-16
 _TAU_SMALL = 1e-9
 
-# Waiting intervals: depth first, one half of each kept, down to _SHORTEST.
-STACK_SHAPE = (1024, 2)
-
 
 @kernel
 def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> int:
@@ -50,14 +42,14 @@ def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> i
         if waiting == 0:
             break
         waiting -= 1
-        low, high = stack[waiting, 0], stack[waiting, 1]
-        signs = _signs(coefficients(f, low, high))
+        low, high = stack[waiting, LOW], stack[waiting, HIGH]
+        signs = signs_of(top(stack, waiting))
         if signs.variations > 1 and high - low >= _SHORTEST:
-            # Nearer the second root: the first is then alone more often than not.
-            share = 0.3 * signs.first + 0.7 * signs.second
-            split = low + (high - low) * min(max(share, _MARGIN), 1.0 - _MARGIN)
-            stack[waiting, 0], stack[waiting, 1] = split, high
-            stack[waiting + 1, 0], stack[waiting + 1, 1] = low, split
+            # Between two roots, or near the second of more: the fewest intervals, by trial.
+            two = signs.variations == 2
+            share = 0.5 * (signs.first + signs.second) if two else signs.second
+            share = min(max(share, _MARGIN), 1.0 - _MARGIN)
+            split_interval(f, share, stack, waiting)
             waiting += 2
             continue
         if signs.variations == 1:
@@ -86,7 +78,7 @@ def _keep(tau: float, re: float, roots: Array, found: int) -> int:
 def _bounded_bend(f: Factors, max_bend: float, stack: Array) -> int:
     """Write the parts of (0, 1) where k < max_bend, the first on top; return their number."""
     if max_bend == math.inf:
-        stack[0, 0], stack[0, 1] = 0.0, 1.0
+        push_anew(f, 0.0, 1.0, stack, 0)
         return 1
     # k = -n/d < B  where  e = n + B d  and d have one sign. Both are linear: three parts at most.
     e0, e1 = f.n0 + max_bend * f.d0, f.n1 + max_bend * f.d1
@@ -99,75 +91,10 @@ def _bounded_bend(f: Factors, max_bend: float, stack: Array) -> int:
         d = (1.0 - middle) * f.d0 + middle * f.d1
         e = (1.0 - middle) * e0 + middle * e1
         if low < high and d * e > 0.0:
-            stack[waiting, 0], stack[waiting, 1] = low, high
+            push_anew(f, low, high, stack, waiting)
             waiting += 1
         high = low
     return waiting
-
-
-class Signs(NamedTuple):
-    """
-    What the signs of an interval's Bernstein coefficients say.
-
-    Descartes: no variation means no root inside, one means exactly one, more mean at most as
-    many. first and second are where the coefficients' polygon crosses zero, as shares of the
-    interval; rising says whether the first crossing does.
-    """
-
-    variations: int
-    first: float
-    second: float
-    rising: bool
-    zero_at_high: bool
-
-
-@kernel
-def _signs(c: Seven) -> Signs:
-    zero_at_high = c[6] == 0.0
-    if c[0] * c[1] * c[2] == 0.0 or c[3] * c[4] * c[5] == 0.0 or zero_at_high:
-        c = _zeros_filled(c)
-    # Without a branch: which signs change is what no processor can foresee.
-    variations = (
-        int((c[0] < 0.0) != (c[1] < 0.0))
-        + int((c[1] < 0.0) != (c[2] < 0.0))
-        + int((c[2] < 0.0) != (c[3] < 0.0))
-        + int((c[3] < 0.0) != (c[4] < 0.0))
-        + int((c[4] < 0.0) != (c[5] < 0.0))
-        + int((c[5] < 0.0) != (c[6] < 0.0))
-    )
-    if variations == 0:
-        return Signs(0, 0.5, 0.5, False, zero_at_high)
-    first, after = _crossing(c, 0)
-    if variations == 1:
-        return Signs(1, first, 0.5, c[0] < 0.0, zero_at_high)
-    second, _ = _crossing(c, after)
-    return Signs(variations, first, second, c[0] < 0.0, zero_at_high)
-
-
-@kernel
-def _crossing(c: Seven, start: int) -> tuple[float, int]:
-    """Return where the polygon first crosses zero from a corner on, and the corner after it."""
-    for i in range(start, 6):
-        if (c[i] < 0.0) != (c[i + 1] < 0.0):
-            return (i + c[i] / (c[i] - c[i + 1])) / 6.0, i + 1
-    return 0.5, 6
-
-
-@kernel
-def _zeros_filled(c: Seven) -> Seven:
-    """Give zeros the value before them, or where there is none the first: no sign of their own."""
-    last = 0.0
-    for i in range(6, -1, -1):
-        if c[i] != 0.0:
-            last = c[i]
-    c0 = last
-    c1 = c[1] if c[1] != 0.0 else c0
-    c2 = c[2] if c[2] != 0.0 else c1
-    c3 = c[3] if c[3] != 0.0 else c2
-    c4 = c[4] if c[4] != 0.0 else c3
-    c5 = c[5] if c[5] != 0.0 else c4
-    c6 = c[6] if c[6] != 0.0 else c5
-    return c0, c1, c2, c3, c4, c5, c6
 
 
 @kernel
@@ -190,8 +117,9 @@ def _bracketed_newton(
         size = abs(step)
         if size <= _TAU_ROUNDING or (size < _TAU_SMALL and size > 0.9 * before):
             break
-        # Convergence is quadratic: the next step would be about size (size / before)².
-        last = size * size * size <= _TAU_ROUNDING * before * before
+        # Convergence is quadratic: the next step would be about size (size / before)². A longer
+        # step than a small one may yet find that there is another root close by.
+        last = size < _TAU_SMALL and size * size * size <= _TAU_ROUNDING * before * before
         before = size
         tau += step
         if not low < tau < high:

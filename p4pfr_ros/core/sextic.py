@@ -17,10 +17,11 @@ orthogonal and of one length exactly when the sum of their squares, as complex n
 
 f² is real, so q and z² are parallel:  S = Im(q z̄²) = 0, of degree 6, and f² = -d² Re(q z̄²)/|z|⁴.
 
-Near fronto-parallel views u and z are both small at the root, and S has a cluster of roots there
+Near fronto-parallel views v and z are both small at the root, and S has a cluster of roots there
 that its expanded coefficients cannot tell apart: the digits are lost in forming them. The factors
 are linear, so restricting *them* to an interval, and then forming its Bernstein coefficients,
-keeps their relative accuracy however small the interval is. That is the subdivision used here.
+keeps their relative accuracy however small the interval is: ``intervals`` does so where digits
+run out.
 """
 
 from __future__ import annotations
