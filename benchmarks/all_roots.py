@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Counts of the sextic's real roots with f² > 0, by the signs that are asked of them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from p4pfr_ros.core.cone import board_weights
+from p4pfr_ros.core.geometry import Array, Mask
+from p4pfr_ros.core.jit import jit
+from p4pfr_ros.core.minimal import Workspace, workspace
+from p4pfr_ros.core.normalise import board_duals, scale_image
+from p4pfr_ros.core.sextic import coefficients, factors
+
+Complexes = NDArray[np.complex128]
+
+_BINOMIALS = np.array([1.0, 6.0, 15.0, 20.0, 15.0, 6.0, 1.0])
+
+# How far from the real axis an eigenvalue may stand for a real root.
+_REAL = 1e-9
+
+
+class Counts(NamedTuple):
+    """Numbers of real roots with f² > 0."""
+
+    real: int
+    depths_of_one_sign: int  # all four λ: the pixels' rays meet the points
+    z_of_one_sign: int  # all four λ (1 + k r²): the points lie on one side of the camera
+
+
+def count(image: Array, board: Array) -> Counts:
+    """Count over n instances, (n, 4, 2) each."""
+    many = len(image)
+    polynomials = np.zeros((many, 7))
+    basis = np.zeros((many, 2, 4))
+    ends = np.zeros((many, 2, 4), dtype=np.complex128)  # of u, v, l, p
+    weights, radius2 = np.zeros((many, 4)), np.zeros((many, 4))
+    _expand_all(image, board, polynomials, basis, ends, weights, radius2, workspace())
+    s = _roots(polynomials)
+    instance, root = np.nonzero(np.abs(s.imag) < _REAL * (1.0 + np.abs(s)))
+    share = s[instance, root].real[:, None]
+    depths = basis[instance, 0] + share * basis[instance, 1]
+    u, v, l, p = (ends[instance, 0] + share * ends[instance, 1]).T  # noqa: E741
+    m, r2 = weights[instance], radius2[instance]
+    n, d = np.sum(m * depths, axis=1), np.sum(m * depths * r2, axis=1)
+    z = d * l - n * p
+    physical = (u * v * np.conj(z) ** 2).real < 0.0
+    side = depths * (d[:, None] - n[:, None] * r2)
+    return Counts(
+        int(np.sum(physical)),
+        int(np.sum(physical & _one_sign(depths))),
+        int(np.sum(physical & _one_sign(side))),
+    )
+
+
+@jit
+def _expand_all(
+    image: Array,
+    board: Array,
+    polynomials: Array,
+    basis: Array,
+    ends: Complexes,
+    weights: Array,
+    radius2: Array,
+    room: Workspace,
+) -> None:
+    for i in range(len(image)):
+        scale_image(image[i], room.image, room.radius)
+        board_weights(board[i], weights[i])
+        board_duals(board[i], room.board, room.duals)
+        radius2[i] = room.radius**2
+        _null_space(room.image, weights[i], basis[i])
+        # λ = basis[0] + s basis[1] with s = τ / (1 - τ): over all of the real line, not [0, 1].
+        f = factors(room.image, weights[i], basis[i], room.duals)
+        ends[i, 0, :] = (f.u0, f.v0, f.l0, f.p0)
+        ends[i, 1, :] = (f.u1, f.v1, f.l1, f.p1)
+        bernstein = coefficients(f, 0.0, 1.0)
+        for j in range(7):
+            polynomials[i, j] = _BINOMIALS[j] * bernstein[j]
+
+
+@jit
+def _null_space(image: Array, m: Array, basis: Array) -> None:
+    """Write two vectors λ (2, 4) with Σ λᵢ mᵢ (xᵢ, yᵢ) = 0, the largest entry of each about 1."""
+    for vector, j in ((0, 2), (1, 3)):
+        # Cramer's rule on the points 0, 1 and j.
+        basis[vector, :] = 0.0
+        basis[vector, 0] = m[1] * m[j] * _cross(image, 1, j)
+        basis[vector, 1] = m[j] * m[0] * _cross(image, j, 0)
+        basis[vector, j] = m[0] * m[1] * _cross(image, 0, 1)
+        basis[vector] /= np.abs(basis[vector]).max()
+
+
+@jit
+def _cross(image: Array, i: int, j: int) -> float:
+    value: float = image[i, 0] * image[j, 1] - image[i, 1] * image[j, 0]
+    return value
+
+
+def _roots(polynomials: Array) -> Complexes:
+    """Return all six roots of polynomials (n, 7), constant term first."""
+    companion = np.zeros((len(polynomials), 6, 6))
+    companion[:, range(1, 6), range(5)] = 1.0
+    companion[:, :, 5] = -polynomials[:, :6] / polynomials[:, 6:]
+    roots: Complexes = np.linalg.eigvals(companion).astype(np.complex128)
+    return roots
+
+
+def _one_sign(values: Array) -> Mask:
+    return np.logical_or((values > 0.0).all(axis=1), (values < 0.0).all(axis=1))

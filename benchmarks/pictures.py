@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The pictures of docs/derivation.md, from one instance.
+
+    python -m benchmarks.pictures [--output docs]
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+import numpy as np
+from p4pfr_ros.core.cone import board_weights, depth_cone
+from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.core.minimal import workspace
+from p4pfr_ros.core.normalise import board_duals, scale_image
+from p4pfr_ros.core.sextic import coefficients, evaluate, Factors, factors
+from p4pfr_ros.core.synthetic import instances
+
+_DOCS = Path(__file__).parent.parent / 'docs'
+
+# Chosen for four roots that can be told apart in a picture.
+_SEED = 188
+COLORS = ('#1f5fa8', '#d9722b', '#3a8f5c', '#8a4f9e')
+SHADE, INK = '#e8eef5', '#333333'
+
+STYLE: Any = {
+    'font.size': 9,
+    'axes.spines.top': False,
+    'axes.spines.right': False,
+    'axes.titlesize': 10,
+    'axes.titlelocation': 'left',
+    'legend.frameon': False,
+    'legend.fontsize': 8,
+}
+
+
+class Scene(NamedTuple):
+    """One instance as far as its sextic."""
+
+    rays: Array
+    factors: Factors
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Draw both pictures."""
+    parser = argparse.ArgumentParser(prog='python -m benchmarks.pictures', description=__doc__)
+    parser.add_argument('--output', type=Path, default=_DOCS, metavar='FOLDER')
+    output = parser.parse_args(arguments).output
+    scene = prepare(_SEED)
+    with mpl.rc_context(STYLE):
+        _draw_cone(scene).savefig(output / 'depth_cone.png', dpi=110)
+        _draw_sextic(scene).savefig(output / 'sextic.png', dpi=110)
+    return 0
+
+
+def prepare(seed: int) -> Scene:
+    """Take an instance through the solver's first steps."""
+    drawn = instances('patch', 1, seed)
+    image, board = drawn.image_points[0], drawn.board_points[0]
+    room = workspace()
+    scale_image(image, room.image, room.radius)
+    board_weights(board, room.weights)
+    depth_cone(room.image, room.radius, room.weights, room.plane, room.rays)
+    board_duals(board, room.board, room.duals)
+    return Scene(room.rays, factors(room.image, room.weights, room.rays, room.duals))
+
+
+def roots(f: Factors, low: float = 0.0, high: float = 1.0) -> Array:
+    """Return the real roots between two τ, by a fine sampling and bisection."""
+    tau = np.linspace(low, high, 20_001)
+    signs = np.sign(values(f, tau))
+    found = []
+    for i in np.nonzero(signs[:-1] * signs[1:] < 0.0)[0]:
+        left, right = tau[i], tau[i + 1]
+        for _ in range(60):
+            middle = 0.5 * (left + right)
+            if np.sign(evaluate(f, middle).sextic) == signs[i]:
+                left = middle
+            else:
+                right = middle
+        found.append(left)
+    return np.array(found)
+
+
+def values(f: Factors, tau: Array) -> Array:
+    """Return the sextic at many τ."""
+    return np.array([evaluate(f, float(t)).sextic for t in tau])
+
+
+def _draw_cone(scene: Scene) -> Figure:
+    figure = Figure(figsize=(9.5, 3.8), layout='constrained')
+    plane, depths = figure.subplots(1, 2)
+    _draw_plane(plane, scene)
+    _draw_depths(depths, scene)
+    return figure
+
+
+def _draw_plane(axes: Any, scene: Scene) -> None:
+    """Draw the plane Σ λᵢ vᵢ = 0 of R⁴ with the lines where one depth is zero."""
+    a, b = scene.rays
+    first = (a + b) / np.linalg.norm(a + b)
+    second = b - a - ((b - a) @ first) * first
+    second /= np.linalg.norm(second)
+    a2, b2 = (np.array([ray @ second, ray @ first]) for ray in (a, b))
+    far = 3.0
+    axes.fill([0.0, far * a2[0], far * b2[0]], [0.0, far * a2[1], far * b2[1]], color=SHADE)
+    for i, color in enumerate(COLORS):
+        # λᵢ = α first + β second is zero along (-first, second), in the axes (second, first).
+        along = np.array([-first[i], second[i]])
+        along *= 2.0 / np.linalg.norm(along)
+        axes.plot(*np.outer(along, [-1.0, 1.0]), color=color, linewidth=1.3, label=f'λ{i + 1} = 0')
+    for ray, name in ((a2, 'a'), (b2, 'b')):
+        axes.annotate('', ray, (0.0, 0.0), arrowprops={'arrowstyle': '-|>', 'color': INK})
+        axes.annotate(name, ray * 1.12, ha='center', va='center', fontsize=12, style='italic')
+    axes.plot(*np.column_stack([a2, b2]), color=INK, linewidth=2.2)
+    axes.annotate(
+        '(1 - τ) a + τ b', 0.5 * (a2 + b2), xytext=(0, 14), textcoords='offset points', ha='center'
+    )
+    size = 1.35 * max(np.linalg.norm(a2), np.linalg.norm(b2))
+    axes.set(xlim=(-size, size), ylim=(-0.5 * size, size), aspect='equal', xticks=[], yticks=[])
+    axes.set_title('the plane Σ λᵢ vᵢ = 0; shaded: no λ is negative')
+    axes.legend(loc='lower right', ncols=2, frameon=True, edgecolor='none', framealpha=1.0)
+
+
+def _draw_depths(axes: Any, scene: Scene) -> None:
+    low, high = -0.6, 1.6
+    tau = np.array([low, high])
+    axes.axvspan(0.0, 1.0, color=SHADE)
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    for i, color in enumerate(COLORS):
+        a, b = scene.rays[:, i]
+        axes.plot(tau, (1.0 - tau) * a + tau * b, color=color, linewidth=1.5, label=f'λ{i + 1}')
+    for root in roots(scene.factors, low, high):
+        inside = 0.0 < root < 1.0
+        axes.plot(root, 0.0, 'o', color=INK, markerfacecolor=INK if inside else 'white', zorder=5)
+    axes.set(
+        title='depths along the cone; dots: real roots of the sextic',
+        xlabel='τ',
+        ylabel='λ (sum 1)',
+        xlim=(low, high),
+    )
+    axes.legend(loc='upper center', ncols=4)
+
+
+def _draw_sextic(scene: Scene) -> Figure:
+    figure = Figure(figsize=(9.5, 3.8), layout='constrained')
+    whole, parts = figure.subplots(1, 2, sharex=True)
+    f = scene.factors
+    _draw_curve(whole, f)
+    _draw_polygon(whole, f, 0.0, 1.0, COLORS[0])
+    whole.set_title(f'one interval: {variations(f, 0.0, 1.0)} changes of sign')
+    _draw_curve(parts, f)
+    for j, (low, high) in enumerate(isolate(f, 0.0, 1.0)):
+        _draw_polygon(parts, f, low, high, COLORS[j % 2])
+        parts.axvline(high, color='#bbbbbb', linewidth=0.8)
+        parts.annotate(
+            str(variations(f, low, high)),
+            (0.5 * (low + high), 0.03),
+            xycoords=('data', 'axes fraction'),
+            ha='center',
+            color=COLORS[j % 2],
+        )
+    parts.set_title('split until each has at most one (numbers)')
+    return figure
+
+
+def _draw_curve(axes: Any, f: Factors) -> None:
+    tau = np.linspace(0.0, 1.0, 801)
+    unit = np.abs(values(f, tau)).max()
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    axes.plot(tau, values(f, tau) / unit, color=INK, linewidth=1.6, label='S(τ)')
+    for root in roots(f):
+        feasible = evaluate(f, float(root)).re < 0.0
+        axes.plot(
+            root, 0.0, 'o', color=INK, markerfacecolor=INK if feasible else 'white', zorder=5
+        )
+    # Cube roots: what is small beside the ends is seen too, and signs stay.
+    axes.set_yscale('function', functions=(np.cbrt, _cube))
+    axes.set(xlabel='τ', ylabel='S, on a scale of cube roots', ylim=(-1.3, 1.3), yticks=[0.0])
+
+
+def _cube(y: Array) -> Array:
+    return y**3
+
+
+def _draw_polygon(axes: Any, f: Factors, low: float, high: float, color: str) -> None:
+    unit = np.abs(values(f, np.linspace(0.0, 1.0, 801))).max()
+    points = np.array(coefficients(f, low, high)) / unit
+    axes.plot(np.linspace(low, high, 7), points, '.-', color=color, linewidth=0.9, markersize=5)
+
+
+def variations(f: Factors, low: float, high: float) -> int:
+    """Count the changes of sign among an interval's Bernstein coefficients."""
+    signs = np.sign(coefficients(f, low, high))
+    signs = signs[signs != 0.0]
+    return int(np.sum(signs[:-1] != signs[1:]))
+
+
+def isolate(f: Factors, low: float, high: float) -> list[tuple[float, float]]:
+    """Halve until no part has more than one change of sign (the kernel splits nearer a root)."""
+    if variations(f, low, high) <= 1:
+        return [(low, high)]
+    middle = 0.5 * (low + high)
+    return isolate(f, low, middle) + isolate(f, middle, high)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The picture of ``benchmarks.residuals``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+import numpy as np
+from p4pfr_ros.core.geometry import Array
+
+from .published import QUANTILES, RESIDUALS
+
+BLUE, ORANGE, GREEN, GREY = '#1f5fa8', '#d9722b', '#3a8f5c', '#555555'
+
+_STYLE: Any = {
+    'font.size': 9,
+    'axes.spines.top': False,
+    'axes.spines.right': False,
+    'axes.titlesize': 10,
+    'axes.titlelocation': 'left',
+    'legend.frameon': False,
+    'legend.fontsize': 8,
+}
+
+# The scatter shows this many solutions at most, ever denser towards the horizon.
+_SHOWN = 4_000
+
+
+class Residuals(NamedTuple):
+    """Residuals of all solutions, (s,) each, in the instances' own unit."""
+
+    paper: Array
+    paper_any_origin: Array
+    rotation: Array
+    image: Array
+    rounding: Array
+    horizon: Array  # smallest |1 + k r²|
+
+
+def draw_figure(found: Residuals, output: Path) -> None:
+    """Draw three panels: the histogram, its tail, and what makes the tail."""
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(12.0, 4.3), layout='constrained')
+        histogram, tail, cause = figure.subplots(1, 3)
+        _draw_histogram(histogram, found)
+        _draw_tail(tail, found)
+        _draw_cause(cause, found)
+        output.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(output, dpi=110)
+
+
+def _senses(found: Residuals) -> tuple[tuple[str, Array, str], ...]:
+    return (
+        ("undistorted, paper's sense", found.paper, BLUE),
+        ('undistorted, true rotation', found.rotation, ORANGE),
+        ('in the image, true rotation', found.image, GREEN),
+    )
+
+
+def _draw_histogram(axes: Any, found: Residuals) -> None:
+    bins = np.arange(-18.0, -3.9, 0.2)
+    for name, residuals, color in _senses(found):
+        logs = np.log10(residuals)
+        axes.hist(logs, bins, histtype='step', color=color, linewidth=1.4, label=name)
+    median = RESIDUALS['paper'][0]
+    axes.axvline(median, color=GREY, linestyle=':', linewidth=1.2)
+    axes.annotate(
+        "the paper's\nmedian",
+        (median + 0.15, 0.62),
+        xycoords=('data', 'axes fraction'),
+        color=GREY,
+        fontsize=8,
+    )
+    axes.set(
+        title=f'{len(found.paper):,} solutions, all four λ of one sign',
+        xlabel='log10 of the residual (RMS over four points)',
+        ylabel='solutions per 0.2',
+        xlim=(-17.5, -7.0),
+    )
+    axes.legend(loc='upper right')
+
+
+def _draw_tail(axes: Any, found: Residuals) -> None:
+    for _, residuals, color in _senses(found):
+        logs = np.sort(np.log10(residuals))
+        above = 1.0 - np.arange(len(logs)) / len(logs)
+        axes.plot(logs, above, color=color, linewidth=1.6)
+    lost = 1.0 - np.array(QUANTILES[:-1])
+    # The maximum of n has 1/n above it, n as many as there are here.
+    lost = np.append(lost, 1.0 / len(found.paper))
+    for (name, values), marker in zip(RESIDUALS.items(), 'os^v', strict=True):
+        axes.plot(
+            values,
+            lost,
+            marker,
+            linestyle=':',
+            color=GREY,
+            markersize=4.5,
+            linewidth=0.8,
+            label=f'{name}, published',
+        )
+    axes.set(
+        title='share with a larger residual',
+        xlabel='log10 of the residual',
+        yscale='log',
+        ylim=(2e-5, 1.0),
+        xlim=(-17.0, 10.5),
+    )
+    axes.legend(loc='upper right')
+
+
+def _draw_cause(axes: Any, found: Residuals) -> None:
+    ranks = np.unique(np.geomspace(1, len(found.horizon), _SHOWN).astype(int)) - 1
+    shown = np.argsort(found.horizon)[ranks]
+    for _, residuals, color in _senses(found)[1:]:
+        axes.plot(found.horizon[shown], residuals[shown], '.', color=color, markersize=2.2)
+    w = np.geomspace(1e-6, 1.0, 50)
+    axes.plot(w, np.finfo(float).eps / w**2, color='black', linewidth=1.0)
+    axes.annotate('ε / (1 + k r²)²:\nthe rounding of k', (2e-5, 1e-5), fontsize=8)
+    axes.set(
+        title='the tail is the horizon',
+        xlabel='smallest |1 + k r²| (0: 90° from the axis)',
+        xscale='log',
+        yscale='log',
+        xlim=(2e-6, 30.0),
+        ylim=(1e-18, 1e-3),
+    )

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What must hold of the minimal solver whatever the numbers are."""
+
+import json
+import os
+import subprocess
+import sys
+
+from hypothesis import assume, example
+from hypothesis import strategies as st
+from laws import law
+import numpy as np
+from p4pfr_ros import DivisionCamera, Pose, solve_p4pfr, solve_p4pfr_batch
+from p4pfr_ros.core.geometry import rotation_angle_rad
+from p4pfr_ros.core.synthetic import instances, KINDS
+import pytest
+
+seeds = st.integers(0, 2**20)
+angles = st.floats(0.0, 2.0 * np.pi)
+scales = st.floats(-8.0, 8.0).map(lambda power: 10.0**power)
+
+# Well conditioned instances: no two solutions that rounding could join or part.
+_WELL = 1e-7
+
+
+def instance(seed, kind='patch'):
+    drawn = instances(kind, 1, seed)
+    return drawn.image_points[0], drawn.board_points[0]
+
+
+def in_order(solutions):
+    return sorted(solutions, key=lambda s: s.camera.focal_px)
+
+
+def stable(image, board):
+    """Say whether there are solutions, and noise of 1e-10 px leaves them where they are."""
+    noise = np.random.default_rng(0).normal(0.0, 1e-10, (4, 2))
+    found = solve_p4pfr(image, board)
+    return bool(found) and same(found, solve_p4pfr(image + noise, board), _WELL)
+
+
+def same(one, other, tolerance=1e-5):
+    """Say whether two lists of solutions agree: f, k, rotation and direction of translation."""
+    if len(one) != len(other):
+        return False
+    return all(close(a, b, tolerance) for a, b in zip(in_order(one), in_order(other), strict=True))
+
+
+def close(a, b, tolerance):
+    ta, tb = a.camera_from_board.translation, b.camera_from_board.translation
+    focal_px = a.camera.focal_px
+    return (
+        abs(focal_px - b.camera.focal_px) <= tolerance * focal_px
+        and abs(a.camera.k - b.camera.k) <= tolerance * (1.0 + abs(a.camera.k))
+        and rotation_angle_rad(a.camera_from_board.rotation, b.camera_from_board.rotation)
+        <= tolerance
+        and np.linalg.norm(ta - tb) <= tolerance * np.linalg.norm(ta)
+    )
+
+
+def changed(solutions, scale_px=1.0, camera_from_camera=None, board_from_board=None, unit=1.0):
+    """Say what solutions become when the image or the board is moved and scaled."""
+    turn = camera_from_camera if camera_from_camera is not None else Pose.identity()
+    move = board_from_board if board_from_board is not None else Pose.identity()
+    result = []
+    for s in solutions:
+        pose = (
+            turn
+            @ Pose(s.camera_from_board.rotation, unit * s.camera_from_board.translation)
+            @ move
+        )
+        camera = DivisionCamera(scale_px * s.camera.focal_px, (0.0, 0.0), s.camera.k)
+        result.append(type(s)(camera, pose))
+    return result
+
+
+def about_z(angle, translation=(0.0, 0.0, 0.0)):
+    return Pose.from_rotation_vector([0.0, 0.0, angle], translation)
+
+
+@law(seed=seeds, angle=angles, unit=scales, shift=st.tuples(*[st.floats(-3.0, 3.0)] * 2))
+def test_the_boards_frame_and_unit_only_name_its_points(seed, angle, unit, shift):
+    image, board = instance(seed)
+    assume(stable(image, board))
+    new_from_old = about_z(angle, [*shift, 0.0])
+    old = np.column_stack([board, np.zeros(4)])
+    moved = unit * new_from_old.transform(old)[:, :2]
+    old_from_new = new_from_old.inverse()
+    scaled = Pose(old_from_new.rotation, unit * old_from_new.translation)
+    wanted = changed(solve_p4pfr(image, board), unit=unit, board_from_board=scaled)
+    assert same(solve_p4pfr(image, moved), wanted)
+
+
+@law(seed=seeds, angle=angles)
+def test_turning_the_image_turns_the_camera(seed, angle):
+    image, board = instance(seed)
+    assume(stable(image, board))
+    turn = about_z(angle)
+    wanted = changed(solve_p4pfr(image, board), camera_from_camera=turn)
+    assert same(solve_p4pfr(image @ turn.rotation[:2, :2].T, board), wanted)
+
+
+@law(seed=seeds, scale=scales)
+def test_larger_pixels_are_a_smaller_focal_length(seed, scale):
+    image, board = instance(seed)
+    assume(stable(image, board))
+    assert same(solve_p4pfr(scale * image, board), changed(solve_p4pfr(image, board), scale))
+
+
+@law(seed=seeds, order=st.permutations(range(4)))
+def test_the_order_of_the_points_does_not_matter(seed, order):
+    image, board = instance(seed)
+    assume(stable(image, board))
+    assert same(solve_p4pfr(image[order], board[order]), solve_p4pfr(image, board))
+
+
+@pytest.mark.parametrize('kind', ['patch', 'square about its side', 'three collinear points'])
+@law(examples=40, seed=seeds)
+def test_a_lens_that_does_not_bend_has_k_zero(kind, seed):
+    drawn = instances(kind, 1, seed)
+    points = np.einsum('ij,pj->pi', drawn.rotation[0][:, :2], drawn.board_points[0])
+    points += drawn.translation[0]
+    assume((points[:, 2] > 0.1).all())
+    focal_px = drawn.focal_px[0]
+    image = focal_px * points[:, :2] / points[:, 2:]
+    found = solve_p4pfr(image, drawn.board_points[0])
+    error = [abs(s.camera.k) + abs(s.camera.focal_px / focal_px - 1.0) for s in found]
+    assume(stable(image, drawn.board_points[0]))
+    assert min(error, default=np.inf) < 1e-5
+
+
+@law(seed=seeds, kind=st.sampled_from(sorted(KINDS)))
+def test_every_solution_projects_its_points_to_their_pixels(seed, kind):
+    image, board = instance(seed, kind)
+    found = solve_p4pfr(image, board)
+    assert found
+    for s in found:
+        seen = s.camera.project(
+            s.camera_from_board.transform(np.column_stack([board, np.zeros(4)]))
+        )
+        np.testing.assert_allclose(seen, image, atol=1e-9 * 1280.0)
+
+
+# Numbers that meet each other, and some that nobody measures.
+coordinates = st.sampled_from([0.0, 1.0, -1.0, 0.5, 2.0, 1.0 + 1e-15, 1e-15, -1e-9, 3.0, 7.0])
+magnitudes = st.sampled_from([1e-150, 1e-100, 1e-20, 1.0, 1e20, 1e100, 1e150])
+quadruples = st.lists(st.tuples(coordinates, coordinates), min_size=4, max_size=4).map(np.array)
+SQUARE = np.array([[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]])
+
+
+@law(examples=500, image=quadruples, board=quadruples, px=magnitudes, unit=magnitudes)
+@example(image=np.zeros((4, 2)), board=np.zeros((4, 2)), px=1.0, unit=1.0)
+@example(image=SQUARE, board=SQUARE, px=1e150, unit=1e-150)
+@example(image=3.0 * SQUARE + [0.5, 0.0], board=SQUARE, px=1e-150, unit=1e150)
+def test_degenerate_points_give_solutions_or_none(image, board, px, unit):
+    for s in solve_p4pfr(px * image, unit * board):
+        camera, pose = s.camera, s.camera_from_board
+        assert np.isfinite([camera.focal_px, camera.k, *pose.translation]).all()
+        assert camera.focal_px > 0.0
+        np.testing.assert_allclose(pose.rotation.T @ pose.rotation, np.eye(3), atol=1e-12)
+        # In units in which nothing overflows, how far each ray passes its point by: a share of
+        # the image's size.
+        points = board @ pose.rotation[:, :2].T + pose.translation / unit
+        rays = camera.unproject(px * image) * (camera.focal_px / (px * np.abs(image).max()))
+        missed = np.linalg.norm(np.cross(points, rays), axis=1) / np.linalg.norm(points, axis=1)
+        # Rounding of the translation, seen from a point that the camera all but touches.
+        length = np.linalg.norm(points, axis=1)
+        rounding = 1e-14 * length.max() / length * np.linalg.norm(rays, axis=1)
+        assert (missed < 1e-8 + rounding).all()
+        assert (np.sum(points * rays, axis=1) > 0.0).all()
+
+
+TWIN = """
+import json, sys
+from p4pfr_ros import solve_p4pfr_batch
+from p4pfr_ros.core.synthetic import instances
+drawn = instances(sys.argv[1], int(sys.argv[2]), 5)
+batch = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
+numbers = [a.ravel().view('u8').tolist() for a in (batch.focal_px, batch.k, batch.rotation)]
+print(json.dumps([batch.count.tolist(), *numbers]))
+"""
+
+
+@pytest.mark.parametrize('kind', ['patch', 'square, tilt < 3°'])
+def test_compiled_and_interpreted_give_the_same_bits(kind):
+    n = 40
+    drawn = instances(kind, n, 5)
+    batch = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
+    twin = subprocess.run(
+        [sys.executable, '-c', TWIN, kind, str(n)],
+        env=os.environ | {'NUMBA_DISABLE_JIT': '1'},
+        capture_output=True,
+        check=True,
+        text=True,
+    )
+    count, focal_px, k, rotation = json.loads(twin.stdout)
+    assert count == batch.count.tolist()
+    there = ~np.isnan(batch.focal_px)
+    for mine, its in ((batch.focal_px, focal_px), (batch.k, k), (batch.rotation, rotation)):
+        other = np.array(its, dtype=np.uint64).view(np.float64).reshape(mine.shape)
+        np.testing.assert_array_equal(mine[there], other[there])
