@@ -127,7 +127,7 @@ def split_interval(f: Factors, share: float, stack: Array, at: int) -> None:
     low, high, size = stack[at, LOW], stack[at, HIGH], stack[at, SIZE]
     middle = low + (high - low) * share
     left, right = _de_casteljau(top(stack, at), share)
-    if min(_smallest(left), _smallest(right)) < _SIGNLESS * size:
+    if _sign_lost(left, size) or _sign_lost(right, size):
         # Both or none: they must agree on the sign in the middle.
         push_anew(f, middle, high, stack, at)
         push_anew(f, low, middle, stack, at + 1)
@@ -137,9 +137,13 @@ def split_interval(f: Factors, share: float, stack: Array, at: int) -> None:
 
 
 @kernel
-def _smallest(c: Seven) -> float:
-    smallest = min(min(abs(c[0]), abs(c[1])), min(abs(c[2]), abs(c[3])))
-    return min(min(smallest, abs(c[4])), min(abs(c[5]), abs(c[6])))
+def _sign_lost(c: Seven, size: float) -> bool:
+    """Say whether rounding may have made the sign of a coefficient; a zero has none to lose."""
+    bound = _SIGNLESS * size
+    lost = 0
+    for i in range(7):
+        lost += int(c[i] != 0.0) & int(abs(c[i]) < bound)
+    return lost > 0
 
 
 @kernel

@@ -27,6 +27,7 @@ _LOG_MARKER_SIZE_PX = (math.log(60.0), math.log(900.0))
 # A sample of four board points in the unit square whose flattest triangle is smaller than this
 # is drawn again; the collinear class draws its own.
 _MIN_TRIANGLE_AREA = 0.02
+_GRID = 2.0**40
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,8 +129,10 @@ def _patch(rng: np.random.Generator, n: int) -> Array:
         0.5 * np.abs(_cross(drawn[:, b] - drawn[:, a], drawn[:, c] - drawn[:, a]))
         for a, b, c in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))
     ]
-    good: Array = drawn[np.min(areas, axis=0) > _MIN_TRIANGLE_AREA][:n]
-    return good
+    good = drawn[np.min(areas, axis=0) > _MIN_TRIANGLE_AREA][:n]
+    # On a fine grid, so that a board that is moved by 1000 units is the same board to the bit.
+    on_grid: Array = np.round(good * _GRID) / _GRID
+    return on_grid
 
 
 def _three_collinear(rng: np.random.Generator, n: int) -> Array:
