@@ -44,8 +44,8 @@ lint: venv
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/ament_flake8 --config setup.cfg p4pfr_ros test launch setup.py
-	$(BIN)/ament_pep257 --add-ignore D401 D402 -- p4pfr_ros launch setup.py
+	$(BIN)/ament_flake8 --config setup.cfg p4pfr_ros benchmarks test launch setup.py
+	$(BIN)/ament_pep257 --add-ignore D401 D402 -- p4pfr_ros benchmarks launch setup.py
 
 colcon:
 	PYTHON='$(PYTHON)' .ci/colcon

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The benchmarks measure what they say: a solver that is wrong would show."""
 
-import dataclasses  # noqa: I001
+import dataclasses
 
 from benchmarks import accuracy, all_roots, distances, published, standard_normal
 import numpy as np
 from p4pfr_ros.core.jit import COMPILED
 from p4pfr_ros.core.solution import H
-
 
 N = 2_000 if COMPILED else 100
 
