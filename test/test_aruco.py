@@ -43,6 +43,14 @@ def test_cells_have_a_black_border_around_the_code():
     np.testing.assert_array_equal(~cells[1:-1, 1:-1], code)
 
 
+def test_an_apriltag_stands_upright():
+    """The cells are those of AprilTag's own picture, whichever way round OpenCV has them."""
+    cells = ~marker_cells('DICT_APRILTAG_36h11', 0)[1:-1, 1:-1]
+    # The first code of the family, as AprilTag publishes it: row by row from the top left.
+    bits = f'{0xD5D628584:036b}'
+    assert ''.join(str(int(cell)) for cell in cells.ravel()) == bits
+
+
 def test_no_marker_is_an_empty_answer():
     corners, ids = detect_markers(np.full((100, 100), 90, np.uint8), DICTIONARY)
     assert corners.shape == (0, 4, 2)

@@ -51,14 +51,16 @@ def check_markers(board: Board) -> None:
 
 def marker_cells(dictionary: str, marker_id: int) -> NDArray[np.bool_]:
     """Return a marker's cells, (n, n) from the top left, True where black, border included."""
+    black: NDArray[np.bool_] = _picture(dictionary, marker_id) < 128
+    return np.rot90(black, 2) if _is_upside_down(dictionary) else black
+
+
+def _picture(dictionary: str, marker_id: int) -> NDArray[np.uint8]:
     known = _dictionary(dictionary)
     side = known.markerSize + 2
     if _HAS_CLASSES:
-        picture = known.generateImageMarker(marker_id, side)
-    else:
-        picture = _aruco.drawMarker(known, marker_id, side)
-    black: NDArray[np.bool_] = np.asarray(picture) < 128
-    return black
+        return np.asarray(known.generateImageMarker(marker_id, side))
+    return np.asarray(_aruco.drawMarker(known, marker_id, side))
 
 
 def detect_markers(grey: NDArray[np.uint8], dictionary: str) -> tuple[Array, Ints]:
@@ -71,6 +73,8 @@ def detect_markers(grey: NDArray[np.uint8], dictionary: str) -> tuple[Array, Int
     if ids is None or len(ids) == 0:
         return np.empty((0, 4, 2)), np.empty(0, dtype=np.int64)
     stacked = np.asarray(corners, dtype=np.float64).reshape(-1, 4, 2)
+    if _is_upside_down(dictionary):
+        stacked = np.roll(stacked, -2, axis=1)
     return stacked, np.asarray(ids, dtype=np.int64).ravel()
 
 
@@ -86,6 +90,16 @@ def _dictionary(name: str) -> Any:
         hint = f' (did you mean {near[0]}?)' if near else ''
         raise ValueError(f"dictionary: expected one of OpenCV's, got {name!r}{hint}")
     return _aruco.getPredefinedDictionary(getattr(_aruco, name))
+
+
+@lru_cache(maxsize=32)
+def _is_upside_down(name: str) -> bool:
+    # Up to 5.0.0 OpenCV has AprilTag's families turned by half a turn against AprilTag's own
+    # pictures (opencv/opencv#28823). The first tag of 36h11 tells: its code begins with 110101.
+    if not name.upper().startswith('DICT_APRILTAG_'):
+        return False
+    first = _picture('DICT_APRILTAG_36h11', 0)[1, 1:-1] > 127
+    return bool(first.tolist() != [True, True, False, True, False, True])
 
 
 def _parameters() -> Any:
