@@ -26,7 +26,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> Non
     interrupt = _Interrupt()
     node: Node | None = None
     try:
-        rclpy.init(args=args)
+        _init(args)
         executor = SingleThreadedExecutor()
         with interrupt:
             node = make_node()
@@ -37,7 +37,7 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> Non
         raise SystemExit(f'{error}') from None
     except Exception:
         # A signal also closes ROS under whatever is being done with it.
-        if rclpy.ok():
+        if not interrupt.came:
             raise
     finally:
         if node is not None:
@@ -45,6 +45,13 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> Non
         # rclpy's handler of the signal may be shutting down this very moment.
         with suppress(RuntimeError):
             rclpy.try_shutdown()
+
+
+def _init(args: Sequence[str] | None) -> None:
+    try:
+        rclpy.init(args=args)
+    except Exception as error:  # rclpy's own class for it is not public
+        raise ConfigError(f'ROS arguments: {" ".join(str(error).split())}') from None
 
 
 class _Interrupt:
@@ -58,13 +65,13 @@ class _Interrupt:
     """
 
     def __init__(self) -> None:
-        self._came = False
+        self.came = False
         self._raises = False
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
             signal.signal(number, self._handle)
 
     def __enter__(self) -> None:
-        if self._came:
+        if self.came:
             raise SystemExit
         self._raises = True
 
@@ -73,7 +80,7 @@ class _Interrupt:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     def _handle(self, _: int, frame: FrameType | None) -> None:
-        self._came = True
+        self.came = True
         if not self._raises:
             return
         if _in_compiler(frame):

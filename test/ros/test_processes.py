@@ -129,6 +129,16 @@ def test_a_wrong_parameter_is_one_line():
     assert '\n' not in line
 
 
+@pytest.mark.parametrize(
+    'arguments', [('--params-file', '/there/is/none.yaml'), ('-r', '__node:=no-name'), ('-p',)]
+)
+def test_wrong_ros_arguments_are_no_clean_end(arguments):
+    """A launch file must be able to tell."""
+    status, output = _ends_by_itself('pose_node', *arguments)
+    assert status == 1
+    assert output.splitlines()[-1].startswith('ROS arguments: ')
+
+
 def test_parameters_are_checked_over_the_wire(peer):
     """A refused change says why to who asked for it."""
     peer.start('pose_node')
