@@ -5,9 +5,9 @@ from .core.camera import DivisionCamera
 from .core.estimate import PoseEstimate, RansacOptions, Stop
 from .core.geometry import Pose
 from .core.minimal import SolutionBatch, solve_p4pfr, solve_p4pfr_batch
+from .core.observability import Observability
 from .core.robust import estimate_pose
 from .core.solution import Solution
-from .core.uncertainty import Observability
 
 __version__ = '0.1.0'
 

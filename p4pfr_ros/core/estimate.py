@@ -8,8 +8,8 @@ import enum
 import math
 
 from .geometry import Array, Mask
+from .observability import Observability
 from .solution import Solution
-from .uncertainty import Observability
 
 
 class Stop(enum.Enum):
@@ -17,6 +17,7 @@ class Stop(enum.Enum):
 
     CONFIDENT = 'enough samples were drawn for the confidence that was asked for'
     SPENT = 'the most samples that were allowed have been drawn'
+    UNDETERMINED = 'a pose was found, but the view leaves some of it open: see observable'
     FOUR_POINTS = 'exactly four points: every solution was found, none can be checked'
     COLLINEAR = 'the board points lie on one line, so no pose can be told from them'
     NO_SOLUTION = 'no camera within the gates explains the points'
@@ -45,6 +46,10 @@ class RansacOptions:
     sigma_px
         Standard deviation of a corner's x and y. None: measured from the residuals, and where
         exactly four points leave none, taken as 0.5.
+    prior_focal_px, prior_focal_sigma_px
+        The focal length that the camera is known to have, and its standard deviation, px.
+    prior_k, prior_k_sigma
+        The same of the distortion; known where prior_k_sigma is given.
     seed
         The same seed and the same input give the same output.
 
@@ -57,13 +62,17 @@ class RansacOptions:
 
     threshold_px: float = 2.0
     confidence: float = 0.9999
-    min_iterations: int = 40
-    max_iterations: int = 2000
+    min_iterations: int = 10
+    max_iterations: int = 5000
     min_inliers: int = 6
     min_fov_deg: float = 5.0
     max_fov_deg: float = 175.0
     max_distortion: float = 1.0
     sigma_px: float | None = None
+    prior_focal_px: float | None = None
+    prior_focal_sigma_px: float | None = None
+    prior_k: float = 0.0
+    prior_k_sigma: float | None = None
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -84,8 +93,19 @@ class RansacOptions:
             )
         if self.min_inliers < 4:
             raise ValueError(f'min_inliers must be at least 4, got {self.min_inliers}')
-        if self.sigma_px is not None and not 0.0 < self.sigma_px < math.inf:
-            raise ValueError(f'sigma_px must be > 0, got {self.sigma_px}')
+        for name in ('sigma_px', 'prior_focal_px', 'prior_focal_sigma_px', 'prior_k_sigma'):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < math.inf:
+                raise ValueError(f'{name} must be > 0, got {value}')
+        self._check_priors()
+
+    def _check_priors(self) -> None:
+        if (self.prior_focal_px is None) != (self.prior_focal_sigma_px is None):
+            raise ValueError('prior_focal_px and prior_focal_sigma_px must be given together')
+        if not math.isfinite(self.prior_k):
+            raise ValueError(f'prior_k must be finite, got {self.prior_k}')
+        if self.prior_k != 0.0 and self.prior_k_sigma is None:
+            raise ValueError('prior_k must come with prior_k_sigma')
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -17,9 +17,10 @@ import math
 from typing import NamedTuple
 
 from .geometry import Array
-from .jit import jit
+from .jit import kernel
 from .minimal import solve_minimal, UNFOLDED, Workspace
-from .solution import G, H, TRANSLATION
+from .normal import add_point, fill_pose_columns
+from .solution import G, H, ROW_SIZE, TRANSLATION
 
 _SMALLEST_W = 1e-100
 
@@ -33,19 +34,20 @@ class Gates(NamedTuple):
     max_distortion: float
 
 
-@jit
+@kernel
 def hypotheses(gates: Gates, rows: Array, room: Workspace) -> int:
     """Solve the room's sample; keep the plausible solutions in front; return their number."""
     kept = 0
     found = solve_minimal(room.sample_image, room.sample_board, UNFOLDED, rows, room)
     for s in range(found):
         if plausible(rows[s], gates):
-            rows[kept] = rows[s]
+            for j in range(ROW_SIZE):
+                rows[kept, j] = rows[s, j]
             kept += 1
     return kept
 
 
-@jit
+@kernel
 def plausible(row: Array, gates: Gates) -> bool:
     """Say whether a solution's camera is one that is built: field of view and distortion."""
     # The corner's ray is (r, g + h r²).
@@ -57,23 +59,34 @@ def plausible(row: Array, gates: Gates) -> bool:
     )
 
 
-@jit
-def squared_error(row: Array, board: Array, image: Array) -> float:
-    """Return the squared reprojection error of a point, px²; infinite where it is not seen."""
-    bx, by = board[0], board[1]
+@kernel
+def squared_error(row: Array, board: Array, image: Array, i: int) -> float:
+    """Return the squared reprojection error of point i; infinite where it is not seen."""
+    bx, by = board[i, 0], board[i, 1]
     x = row[0] * bx + row[1] * by + row[TRANSLATION]
     y = row[3] * bx + row[4] * by + row[TRANSLATION + 1]
     z = row[6] * bx + row[7] * by + row[TRANSLATION + 2]
     sigma = _scale(x, y, z, row[G], row[H])
-    dx, dy = sigma * x - image[0], sigma * y - image[1]
+    dx, dy = sigma * x - image[i, 0], sigma * y - image[i, 1]
     error: float = dx * dx + dy * dy
     return error if error < math.inf else math.inf
 
 
-@jit
-def linearise(row: Array, board: Array, image: Array, jacobian: Array) -> None:
-    """Write the (2, 9) derivatives and residual of a point; NaN where it is not seen."""
-    bx, by = board[0], board[1]
+@kernel
+def truncated_sum(row: Array, board: Array, image: Array, limit: float, enough: float) -> float:
+    """Sum the squared errors, each cut off at limit; stop where the sum passes enough."""
+    total = 0.0
+    for i in range(len(image)):
+        total += min(squared_error(row, board, image, i), limit)
+        if total > enough:
+            break
+    return total
+
+
+@kernel
+def linearise(row: Array, board: Array, image: Array, i: int, jacobian: Array) -> None:
+    """Write the (2, 9) derivatives and residual of point i; NaN where it is not seen."""
+    bx, by = board[i, 0], board[i, 1]
     qx, qy, qz = row[0] * bx + row[1] * by, row[3] * bx + row[4] * by, row[6] * bx + row[7] * by
     x, y, z = qx + row[TRANSLATION], qy + row[TRANSLATION + 1], qz + row[TRANSLATION + 2]
     g, h = row[G], row[H]
@@ -83,31 +96,31 @@ def linearise(row: Array, board: Array, image: Array, jacobian: Array) -> None:
         return
     rho2 = x * x + y * y
     # At the fold, w = 0, the derivatives are infinite; huge ones end no step either.
-    w = max(math.sqrt(max(z * z - 4.0 * g * h * rho2, 0.0)), _SMALLEST_W)
+    inverse = 1.0 / max(math.sqrt(max(z * z - 4.0 * g * h * rho2, 0.0)), _SMALLEST_W)
     # dσ = s_x dX + s_y dY + s_z dZ + s_g dg + s_h dh
-    s_x, s_y = 2.0 * h * sigma * sigma * x / w, 2.0 * h * sigma * sigma * y / w
-    s_z, s_g, s_h = -sigma / w, 1.0 / w, rho2 * sigma * sigma / w
+    bend = 2.0 * h * sigma * sigma * inverse
+    s_x, s_y = bend * x, bend * y
+    s_z, s_g, s_h = -sigma * inverse, inverse, rho2 * sigma * sigma * inverse
     # d(σ X) = (σ + X s_x) dX + X s_y dY + X s_z dZ + X s_g dg + X s_h dh; likewise d(σ Y).
-    fill_pose_columns(jacobian[0], sigma + x * s_x, x * s_y, x * s_z, qx, qy, qz)
-    fill_pose_columns(jacobian[1], y * s_x, sigma + y * s_y, y * s_z, qx, qy, qz)
-    jacobian[0, 6], jacobian[0, 7], jacobian[0, 8] = x * s_g, x * s_h, sigma * x - image[0]
-    jacobian[1, 6], jacobian[1, 7], jacobian[1, 8] = y * s_g, y * s_h, sigma * y - image[1]
+    fill_pose_columns(jacobian, 0, sigma + x * s_x, x * s_y, x * s_z, qx, qy, qz)
+    fill_pose_columns(jacobian, 1, y * s_x, sigma + y * s_y, y * s_z, qx, qy, qz)
+    jacobian[0, 6], jacobian[0, 7], jacobian[0, 8] = x * s_g, x * s_h, sigma * x - image[i, 0]
+    jacobian[1, 6], jacobian[1, 7], jacobian[1, 8] = y * s_g, y * s_h, sigma * y - image[i, 1]
 
 
-@jit
-def fill_pose_columns(
-    line: Array, ax: float, ay: float, az: float, qx: float, qy: float, qz: float
-) -> None:
-    """Write a · dP for dP = ω x Q + dt, Q = R X:  a · (ω x Q) = (Q x a) · ω."""
-    line[0] = qy * az - qz * ay
-    line[1] = qz * ax - qx * az
-    line[2] = qx * ay - qy * ax
-    line[3] = ax
-    line[4] = ay
-    line[5] = az
+@kernel
+def add_points(
+    row: Array, board: Array, image: Array, limit: float, jacobian: Array, normal: Array
+) -> int:
+    """Add the points within the limit to the normal equations; return their number."""
+    count = 0
+    for i in range(len(image)):
+        linearise(row, board, image, i, jacobian)
+        count += add_point(jacobian, limit, 8, normal)
+    return count
 
 
-@jit
+@kernel
 def _scale(x: float, y: float, z: float, g: float, h: float) -> float:
     """Return σ of a point of the camera's frame; NaN where no pixel sees it."""
     gh4 = 4.0 * g * h

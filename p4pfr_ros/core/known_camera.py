@@ -14,40 +14,41 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from .camera import DivisionCamera
 from .cone import board_weights
-from .free_camera import fill_pose_columns
 from .geometry import Array, Ints
-from .jit import jit
+from .jit import kernel
 from .minimal import Workspace
+from .normal import add_point, fill_pose_columns
 from .normalise import board_duals, unscale
 from .recover import orthogonal_factor
 from .solution import G, H, TRANSLATION
 
-_DIFFERENCE_PX = 1e-3
+
+@kernel
+def rays_and_across(
+    image: Array, lens: tuple[float, float, float, float], rays: Array, across: Array
+) -> None:
+    """Write the unit rays (N, 3) of pixels from the centre (N, 2), and W (N, 2, 3)."""
+    focal_px, k, k2, k3 = lens
+    for i in range(len(image)):
+        x, y = image[i, 0] / focal_px, image[i, 1] / focal_px
+        r2 = x * x + y * y
+        z = 1.0 + r2 * (k + r2 * (k2 + r2 * k3))
+        slope = 2.0 * (k + r2 * (2.0 * k2 + r2 * 3.0 * k3))
+        length = math.sqrt(r2 + z * z)
+        rays[i, 0], rays[i, 1], rays[i, 2] = x / length, y / length, z / length
+        # A pixel d = (x, y) sees P where  X z = x Z  and  Y z = y Z. At P = (x, y, z), the ray:
+        #     (z - s x²) dx - s x y dy = z dX - x dZ,   likewise for y,   s = slope.
+        # The determinant is z (z - s r²); z cancels, so rays square to the axis are no exception.
+        scale = focal_px * length / (z - slope * r2)
+        across[i, 0, 0] = scale * (z - slope * y * y)
+        across[i, 0, 1] = across[i, 1, 0] = scale * slope * x * y
+        across[i, 1, 1] = scale * (z - slope * x * x)
+        across[i, 0, 2] = -scale * x
+        across[i, 1, 2] = -scale * y
 
 
-def rays_and_across(camera: DivisionCamera, image: Array) -> tuple[Array, Array]:
-    """Return the unit rays (N, 3) of raw pixels (N, 2), and W (N, 2, 3)."""
-    # J (3, 2) is the change of the unit ray with the pixel; a ray is a polynomial of its pixel,
-    # so central differences lose nothing that matters. W = J⁺ = (JᵀJ)⁻¹ Jᵀ: W J = I, W ρ = 0.
-    columns = [
-        (_unit(camera.unproject(image + step)) - _unit(camera.unproject(image - step)))
-        / (2.0 * _DIFFERENCE_PX)
-        for step in np.eye(2) * _DIFFERENCE_PX
-    ]
-    across = np.ascontiguousarray(np.linalg.pinv(np.stack(columns, axis=-1)))
-    return _unit(camera.unproject(image)), across
-
-
-def _unit(rays: Array) -> Array:
-    unit: Array = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-    return unit
-
-
-@jit
+@kernel
 def hypothesis(rays: Array, chosen: Ints, row: Array, room: Workspace) -> int:
     """Write the pose of the room's sample, where there is one; return 1 or 0."""
     a, b, c, d = rays[chosen[0]], rays[chosen[1]], rays[chosen[2]], rays[chosen[3]]
@@ -71,7 +72,7 @@ def hypothesis(rays: Array, chosen: Ints, row: Array, room: Workspace) -> int:
     return 1
 
 
-@jit
+@kernel
 def _pose_from_depths(
     depths: tuple[float, float, float, float],
     rays: tuple[Array, Array, Array, Array],
@@ -101,7 +102,7 @@ def _pose_from_depths(
     return True
 
 
-@jit
+@kernel
 def _determinant(a: Array, b: Array, c: Array) -> float:
     value: float = (
         a[0] * (b[1] * c[2] - b[2] * c[1])
@@ -111,38 +112,70 @@ def _determinant(a: Array, b: Array, c: Array) -> float:
     return value
 
 
-@jit
-def squared_error(row: Array, board: Array, ray: Array, across: Array) -> float:
-    """Return the squared reprojection error of a point, px²; infinite behind the camera."""
-    bx, by = board[0], board[1]
+@kernel
+def squared_error(row: Array, board: Array, rays: Array, across: Array, i: int) -> float:
+    """Return the squared reprojection error of point i, px²; infinite behind the camera."""
+    bx, by = board[i, 0], board[i, 1]
     x = row[0] * bx + row[1] * by + row[TRANSLATION]
     y = row[3] * bx + row[4] * by + row[TRANSLATION + 1]
     z = row[6] * bx + row[7] * by + row[TRANSLATION + 2]
-    along = ray[0] * x + ray[1] * y + ray[2] * z
+    along = rays[i, 0] * x + rays[i, 1] * y + rays[i, 2] * z
     if not along > 0.0:
         return math.inf
-    ex = (across[0, 0] * x + across[0, 1] * y + across[0, 2] * z) / along
-    ey = (across[1, 0] * x + across[1, 1] * y + across[1, 2] * z) / along
+    ex = (across[i, 0, 0] * x + across[i, 0, 1] * y + across[i, 0, 2] * z) / along
+    ey = (across[i, 1, 0] * x + across[i, 1, 1] * y + across[i, 1, 2] * z) / along
     error: float = ex * ex + ey * ey
     return error
 
 
-@jit
-def linearise(row: Array, board: Array, ray: Array, across: Array, jacobian: Array) -> None:
-    """Write the (2, 9) derivatives and residual of a point; NaN behind the camera."""
-    bx, by = board[0], board[1]
+@kernel
+def truncated_sum(
+    row: Array, board: Array, rays: Array, across: Array, limit: float, enough: float
+) -> float:
+    """Sum the squared errors, each cut off at limit; stop where the sum passes enough."""
+    total = 0.0
+    for i in range(len(board)):
+        total += min(squared_error(row, board, rays, across, i), limit)
+        if total > enough:
+            break
+    return total
+
+
+@kernel
+def linearise(
+    row: Array, board: Array, rays: Array, across: Array, i: int, jacobian: Array
+) -> None:
+    """Write the (2, 9) derivatives and residual of point i; NaN behind the camera."""
+    bx, by = board[i, 0], board[i, 1]
     qx, qy, qz = row[0] * bx + row[1] * by, row[3] * bx + row[4] * by, row[6] * bx + row[7] * by
     x, y, z = qx + row[TRANSLATION], qy + row[TRANSLATION + 1], qz + row[TRANSLATION + 2]
-    along = ray[0] * x + ray[1] * y + ray[2] * z
-    if not along > 0.0:
-        along = math.nan
+    along = rays[i, 0] * x + rays[i, 1] * y + rays[i, 2] * z
+    inverse = 1.0 / along if along > 0.0 else math.nan
     for j in range(2):
-        w = across[j]
-        error = (w[0] * x + w[1] * y + w[2] * z) / along
+        wx, wy, wz = across[i, j, 0], across[i, j, 1], across[i, j, 2]
+        error = (wx * x + wy * y + wz * z) * inverse
         # de = (W - e ρᵀ) dP / (ρ · P)
-        ax = (w[0] - error * ray[0]) / along
-        ay = (w[1] - error * ray[1]) / along
-        az = (w[2] - error * ray[2]) / along
-        fill_pose_columns(jacobian[j], ax, ay, az, qx, qy, qz)
+        ax = (wx - error * rays[i, 0]) * inverse
+        ay = (wy - error * rays[i, 1]) * inverse
+        az = (wz - error * rays[i, 2]) * inverse
+        fill_pose_columns(jacobian, j, ax, ay, az, qx, qy, qz)
         jacobian[j, 6] = jacobian[j, 7] = 0.0
         jacobian[j, 8] = error
+
+
+@kernel
+def add_points(
+    row: Array,
+    board: Array,
+    rays: Array,
+    across: Array,
+    limit: float,
+    jacobian: Array,
+    normal: Array,
+) -> int:
+    """Add the points within the limit to the normal equations; return their number."""
+    count = 0
+    for i in range(len(board)):
+        linearise(row, board, rays, across, i, jacobian)
+        count += add_point(jacobian, limit, 6, normal)
+    return count

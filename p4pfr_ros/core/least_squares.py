@@ -11,10 +11,10 @@ import numpy as np
 from .geometry import Array
 from .jit import jit
 from .linear import rotate, solve_in_place
-from .problem import linearise, POSE_AND_CAMERA, Problem, squared_error
+from .normal import COLUMNS
+from .prior import add_prior, prior_cost
+from .problem import add_points, POSE_AND_CAMERA, Problem, truncated_sum
 from .solution import G, H, ROW_SIZE, TRANSLATION
-
-_COLUMNS = POSE_AND_CAMERA + 1
 
 # Damping, relative to the diagonal of JᵀJ.
 _FIRST_DAMPING = 1e-4
@@ -31,40 +31,33 @@ class LeastSquaresRoom(NamedTuple):
     trial: Array
 
 
+@jit
 def least_squares_room() -> LeastSquaresRoom:
     """Make the room that ``minimise`` works in."""
-    size = (POSE_AND_CAMERA, _COLUMNS)
+    size = (POSE_AND_CAMERA, COLUMNS)
     return LeastSquaresRoom(
-        np.empty(size), np.empty(size), np.empty((2, _COLUMNS)), np.empty(ROW_SIZE)
+        np.empty(size), np.empty(size), np.empty((2, COLUMNS)), np.empty(ROW_SIZE)
     )
 
 
 @jit
 def truncated_cost(row: Array, problem: Problem, limit: float, enough: float) -> float:
-    """Sum the squared errors, each cut off at ``limit`` px²; stop where the sum passes enough."""
-    cost = 0.0
-    for i in range(len(problem.image)):
-        cost += min(squared_error(row, problem, i), limit)
-        if cost > enough:
-            break
-    return cost
+    """
+    Sum the squared errors, each cut off at ``limit`` px², and the prior's, which is not.
+
+    It stops where the sum passes enough.
+    """
+    beforehand = prior_cost(row, problem.prior)
+    return beforehand + truncated_sum(row, problem, limit, enough - beforehand)
 
 
 @jit
 def normal_equations(row: Array, problem: Problem, limit: float, room: LeastSquaresRoom) -> int:
     """Write JᵀJ and -Jᵀr over the points within the limit to the room; return their number."""
-    jacobian, normal = room.jacobian, room.normal
+    normal = room.normal
     normal[:, :] = 0.0
-    count = 0
-    for i in range(len(problem.image)):
-        linearise(row, problem, i, jacobian)
-        # Written so that NaN is outside.
-        if not jacobian[0, 8] * jacobian[0, 8] + jacobian[1, 8] * jacobian[1, 8] < limit:
-            continue
-        count += 1
-        for a in range(POSE_AND_CAMERA):
-            for b in range(a, _COLUMNS):
-                normal[a, b] += jacobian[0, a] * jacobian[0, b] + jacobian[1, a] * jacobian[1, b]
+    count = add_points(row, problem, limit, room.jacobian, normal)
+    add_prior(row, problem.prior, normal)
     for a in range(POSE_AND_CAMERA):
         for b in range(a):
             normal[a, b] = normal[b, a]

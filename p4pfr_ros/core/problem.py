@@ -19,6 +19,7 @@ from .free_camera import Gates
 from .geometry import Array, Ints
 from .jit import jit
 from .minimal import Workspace
+from .prior import NO_PRIOR, Prior
 
 # The unknowns: pose and camera, or pose alone where the camera is known.
 POSE_AND_CAMERA = 8
@@ -37,20 +38,26 @@ class Problem(NamedTuple):
     board: Array
     unknowns: int
     gates: Gates
+    prior: Prior
     rays: Array
     across: Array
 
 
-def free_problem(image: Array, board: Array, gates: Gates) -> Problem:
+def free_problem(image: Array, board: Array, gates: Gates, prior: Prior = NO_PRIOR) -> Problem:
     """Make the problem of pose and camera."""
-    return Problem(image, board, POSE_AND_CAMERA, gates, np.empty((0, 3)), np.empty((0, 2, 3)))
+    return Problem(image, board, POSE_AND_CAMERA, gates, prior, _NO_RAYS, _NO_ACROSS)
 
 
 def known_problem(image: Array, board: Array, gates: Gates, camera: DivisionCamera) -> Problem:
     """Make the problem of the pose alone."""
-    center = np.asarray(camera.center_px)
-    rays, across = known_camera.rays_and_across(camera, image + center)
-    return Problem(image, board, POSE, gates, rays, across)
+    rays, across = np.empty((len(image), 3)), np.empty((len(image), 2, 3))
+    lens = (camera.focal_px, camera.k, camera.k2, camera.k3)
+    known_camera.rays_and_across(image, lens, rays, across)
+    return Problem(image, board, POSE, gates, NO_PRIOR, rays, across)
+
+
+_NO_RAYS = np.empty((0, 3))
+_NO_ACROSS = np.empty((0, 2, 3))
 
 
 @jit
@@ -75,10 +82,17 @@ def plausible(row: Array, problem: Problem) -> bool:
 def squared_error(row: Array, problem: Problem, i: int) -> float:
     """Return the squared reprojection error of point i, px²; infinite where it is not seen."""
     if problem.unknowns == POSE:
-        return known_camera.squared_error(
-            row, problem.board[i], problem.rays[i], problem.across[i]
-        )
-    return free_camera.squared_error(row, problem.board[i], problem.image[i])
+        return known_camera.squared_error(row, problem.board, problem.rays, problem.across, i)
+    return free_camera.squared_error(row, problem.board, problem.image, i)
+
+
+@jit
+def truncated_sum(row: Array, problem: Problem, limit: float, enough: float) -> float:
+    """Sum the squared errors, each cut off at limit, px²; stop where the sum passes enough."""
+    board = problem.board
+    if problem.unknowns == POSE:
+        return known_camera.truncated_sum(row, board, problem.rays, problem.across, limit, enough)
+    return free_camera.truncated_sum(row, board, problem.image, limit, enough)
 
 
 @jit
@@ -89,9 +103,20 @@ def linearise(row: Array, problem: Problem, i: int, jacobian: Array) -> None:
     Columns: by the rotation (radians about the camera's axes), the translation, g, h; residual.
     """
     if problem.unknowns == POSE:
-        known_camera.linearise(row, problem.board[i], problem.rays[i], problem.across[i], jacobian)
+        known_camera.linearise(row, problem.board, problem.rays, problem.across, i, jacobian)
     else:
-        free_camera.linearise(row, problem.board[i], problem.image[i], jacobian)
+        free_camera.linearise(row, problem.board, problem.image, i, jacobian)
+
+
+@jit
+def add_points(row: Array, problem: Problem, limit: float, jacobian: Array, normal: Array) -> int:
+    """Add JᵀJ and Jᵀr (column 8) of the points within the limit; return their number."""
+    board = problem.board
+    if problem.unknowns == POSE:
+        return known_camera.add_points(
+            row, board, problem.rays, problem.across, limit, jacobian, normal
+        )
+    return free_camera.add_points(row, board, problem.image, limit, jacobian, normal)
 
 
 @jit
@@ -99,3 +124,13 @@ def squared_errors(row: Array, problem: Problem, squares: Array) -> None:
     """Write all the squared errors, (N,) px²."""
     for i in range(len(problem.image)):
         squares[i] = squared_error(row, problem, i)
+
+
+@jit
+def count_within(row: Array, problem: Problem, limit: float) -> int:
+    """Return how many squared errors are below the limit, px²."""
+    count = 0
+    for i in range(len(problem.image)):
+        if squared_error(row, problem, i) < limit:
+            count += 1
+    return count

@@ -18,7 +18,7 @@ from .geometry import Array, Ints
 from .jit import jit
 from .least_squares import least_squares_room, LeastSquaresRoom, minimise, truncated_cost
 from .minimal import Workspace, workspace
-from .problem import hypotheses, plausible, Problem
+from .problem import count_within, hypotheses, plausible, Problem
 from .roots import MAX_ROOTS
 from .sampling import draw_sample, first_state, samples_needed, smallest_triangles
 from .solution import ROW_SIZE
@@ -29,8 +29,10 @@ _WIDE = 100.0
 _WIDE_STEPS = 3
 _LOCAL_STEPS = 6
 _LOCAL_TOLERANCE = 1e-3
-_LAST_STEPS = 100
-_LAST_TOLERANCE = 1e-13
+
+# Where all of a view's points agree, with so many coordinates to spare, few samples do.
+_MANY = 16
+_FEW_SAMPLES = 3
 
 
 class Search(NamedTuple):
@@ -44,7 +46,7 @@ class Search(NamedTuple):
 
 
 class RansacRoom(NamedTuple):
-    """Room for the loop, made once."""
+    """Room for the loop, made once a call."""
 
     chosen: Ints
     rows: Array
@@ -53,8 +55,9 @@ class RansacRoom(NamedTuple):
     refine: LeastSquaresRoom
 
 
+@jit
 def ransac_room() -> RansacRoom:
-    """Make the room that ``search_best`` works in."""
+    """Make the room; inside compiled code that costs less than handing it over."""
     return RansacRoom(
         np.empty(4, dtype=np.int64),
         np.empty((MAX_ROOTS, ROW_SIZE)),
@@ -65,21 +68,21 @@ def ransac_room() -> RansacRoom:
 
 
 @jit
-def search_best(
-    problem: Problem, search: Search, best: Array, room: RansacRoom
-) -> tuple[int, float]:
+def search_best(problem: Problem, search: Search, best: Array) -> tuple[int, float]:
     """
     Find the model of least truncated cost; write it to ``best`` (ROW_SIZE,).
 
     Returned are the number of samples and the cost in px², infinite where none had a solution.
     """
+    room = ransac_room()
     cost = math.inf
     state = first_state(search.seed)
     smallest = smallest_triangles(problem.board, search.limit)
     needed = math.inf
+    at_least = search.min_iterations
     iteration = 0
     while iteration < search.max_iterations:
-        if iteration >= search.min_iterations and iteration >= needed:
+        if iteration >= min(at_least, search.min_iterations) and iteration >= needed:
             break
         iteration += 1
         state = draw_sample(problem.image, problem.board, smallest, state, room.chosen)
@@ -90,17 +93,10 @@ def search_best(
                 continue
             best[:] = row
             cost = _local_optimum(score, problem, search.limit, best, room)
-            # A point outside costs the whole limit: this bounds the inliers' share from below.
-            share = max(0.0, 1.0 - cost / (search.limit * len(problem.image)))
-            needed = samples_needed(share, search.confidence)
-    if cost < math.inf:
-        room.local[:] = best
-        score = minimise(
-            room.local, problem, search.limit, _LAST_STEPS, _LAST_TOLERANCE, room.refine
-        )
-        if score <= cost and plausible(room.local, problem):
-            best[:] = room.local
-            cost = score
+            inliers = count_within(best, problem, search.limit)
+            if inliers == len(problem.image) and 2 * inliers >= problem.unknowns + _MANY:
+                at_least = _FEW_SAMPLES
+            needed = samples_needed(inliers, len(problem.image), search.confidence)
     return iteration, cost
 
 

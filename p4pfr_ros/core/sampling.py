@@ -51,9 +51,12 @@ def smallest_triangles(board: Array, limit: float) -> tuple[float, float]:
 
 
 @jit
-def samples_needed(share: float, confidence: float) -> float:
+def samples_needed(inliers: int, points: int, confidence: float) -> float:
     """Return how many samples hold, with that confidence, one of inliers only."""
-    all_inside = share**4
+    # Drawn without repetition: with few points that is much rarer than the share's fourth power.
+    all_inside = 1.0
+    for i in range(4):
+        all_inside *= max(inliers - i, 0) / (points - i)
     if all_inside >= 1.0:
         return 0.0
     if all_inside <= 1e-12:

@@ -1,99 +1,145 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How sure one view is: the covariance of its estimate, and what it cannot tell at all."""
+"""How sure one view is: the noise of its points, and the covariance of its estimate."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 import math
 
-import numpy as np
-
 from .geometry import Array
+from .jit import jit
+from .linear import solve_in_place
 from .problem import POSE_AND_CAMERA
-from .solution import G, H, Solution, TRANSLATION
+from .solution import G, H
 
-# The noise of a corner where four points leave no residual to measure it by, px.
+# The noise of a corner where the points leave too little to measure it by, px.
 DEFAULT_SIGMA_PX = 0.5
 
-# Eigenvalues of the scaled JᵀJ below this share of the largest are rounding, not information.
+# On the diagonal of the scaled JᵀJ: what it holds no information on gets a variance so huge,
+# not a made-up one, and nothing else is changed by it.
 _NO_INFORMATION = 1e-13
 
-# A quantity counts as observable while its standard deviation is below: a share of itself for
-# focal length and distance, radians for the direction of the board, and for the distortion the
-# change of k |d|² at the image's corner.
-_MAX_SHARE = 0.3
-_MAX_DIRECTION_RAD = 0.3
-_MAX_BEND = 0.3
+# No corner is known better than this, px, however well a picture's points agree: residuals of
+# rounding's size must not make up for information that is not there.
+_SMALLEST_SIGMA_PX = 0.01
+
+_ROUNDS = 20
 
 
-@dataclass(frozen=True, slots=True)
-class Observability:
+@jit
+def noise_variance(squares: float, spare: int, limit: float) -> float:
     """
-    Which quantities a view determines.
+    Return the variance of a coordinate, px², from the inliers' squared errors.
 
-    direction: the board's orientation; distance: its translation along the line of sight;
-    focal: the focal length; distortion: k.
+    spare is the number of coordinates beyond the unknowns. Errors beyond the limit (px²) are not
+    among the inliers' squares, so their mean is too small; that is made good.
     """
-
-    direction: bool = False
-    distance: bool = False
-    focal: bool = False
-    distortion: bool = False
-
-
-def noise_variance(squares: float, count: int, unknowns: int, sigma_px: float | None) -> float:
-    """Return the variance of a coordinate, px²: given, or measured where points are to spare."""
-    spare = 2 * count - unknowns
-    if sigma_px is not None:
-        return sigma_px**2
-    return squares / spare if spare > 0 else DEFAULT_SIGMA_PX**2
+    measured = squares / max(spare, 1)
+    # Of a normal error the square of the distance, r² = 2 u σ², has the density exp(-u). Its
+    # mean below the limit is  2 σ² (1 - u / (eᵘ - 1)),  u = limit / (2 σ²).
+    variance = measured
+    for _ in range(_ROUNDS):
+        if not variance > 0.0:
+            break
+        u = min(0.5 * limit / variance, 700.0)
+        # Nearly all of a flat distribution lies beyond the limit: it has no variance to tell.
+        variance = min(measured / (1.0 - u / math.expm1(u)), limit)
+    return max(variance, _SMALLEST_SIGMA_PX * _SMALLEST_SIGMA_PX)
 
 
+@jit
+def posterior_variance(variance: float, spare: int, limit: float) -> float:
+    """
+    Widen the noise's variance to what the estimate's errors follow, in units of (JᵀJ)⁻¹.
+
+    spare 0: the noise was given. Otherwise it is not known exactly: errors in units of a noise
+    measured with ν coordinates to spare follow Student's t with ν degrees of freedom, whose
+    variance is ν / (ν - 2). With two or fewer it has none, and the noise is taken to be no
+    smaller than the default.
+    """
+    if spare > 2:
+        variance *= spare / (spare - 2.0)
+    elif spare > 0:
+        variance = max(variance, DEFAULT_SIGMA_PX * DEFAULT_SIGMA_PX)
+    # A point beyond the limit (px²) pulls no longer, and one about to pass it no more for being
+    # farther off. Of the n points JᵀJ holds the share 1 - exp(-u); by the influence function the
+    # estimate has the information of the share 1 - (1 + u) exp(-u),  u = limit / (2 σ²).
+    u = min(0.5 * limit / variance, 700.0)
+    beyond = math.exp(-u)
+    return variance * (1.0 - beyond) / (1.0 - (1.0 + u) * beyond)
+
+
+@jit
+def largest_excess(variance: float, spare: int, ratio: float) -> float:
+    """
+    Return how much more than the best (px²) another optimum may cost.
+
+    ratio is twice the logarithm of the likelihood ratio; spare 0: the variance is known. Where
+    it is measured by ν coordinates to spare, the likelihood is Student's, ∝ cost^(-ν/2).
+    """
+    if spare <= 0:
+        return ratio * variance
+    return spare * variance * math.expm1(min(ratio / spare, 3.0))
+
+
+@jit
 def covariance_from(
-    normal: Array, unknowns: int, variance: float, row: Array, board_mean: Array
-) -> Array:
+    normal: Array,
+    unknowns: int,
+    variance: float,
+    row: Array,
+    board: tuple[float, float, float],
+    system: Array,
+    covariance: Array,
+) -> None:
     """
-    Return the (8, 8) covariance of x, y, z, rotation x, y, z, focal_px, k.
+    Write the (8, 8) covariance of x, y, z, rotation x, y, z, focal_px, k.
 
-    normal is JᵀJ by rotation, translation of the centred board, g, h; where the camera is known
-    (six unknowns) the rows and columns of focal_px and k are zero. board_mean (2,) is what was
-    taken off the board's points to centre them.
+    normal is JᵀJ by rotation, translation of the scaled board, g, h; where the camera is known
+    (six unknowns) the rows and columns of focal_px and k are zero. board: the mean that was
+    taken off the board's points (board units) and the size they were divided by.
     """
-    inside = np.zeros((POSE_AND_CAMERA, POSE_AND_CAMERA))
-    inside[:unknowns, :unknowns] = _inverse(normal[:unknowns, :unknowns])
-    # From (ω, t of the centred board, g, h) to (t of the board's origin, ω, f, k):
-    #     t = t_c - R m,   dt = dt_c - ω x R m,     k = g h.
-    mx, my, mz = row[:TRANSLATION].reshape(3, 3)[:, :2] @ board_mean
-    to_public = np.zeros((POSE_AND_CAMERA, POSE_AND_CAMERA))
-    to_public[0:3, 0:3] = [[0.0, -mz, my], [mz, 0.0, -mx], [-my, mx, 0.0]]
-    to_public[0:3, 3:6] = to_public[3:6, 0:3] = np.eye(3)
-    to_public[6, 6] = 1.0
-    to_public[7, 6:8] = row[H], row[G]
-    covariance: Array = variance * (to_public @ inside @ to_public.T)
-    return covariance
-
-
-def _inverse(normal: Array) -> Array:
-    """Invert JᵀJ; what it holds no information on gets a huge variance, not a made-up one."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    values, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
-    values = np.maximum(values, _NO_INFORMATION * values[-1])
-    inverse: Array = np.outer(scale, scale) * ((vectors / values) @ vectors.T)
-    return inverse
-
-
-def observability_of(model: Solution, covariance: Array, corner_px: float) -> Observability:
-    """Judge by the standard deviations; corner_px is the image corner's distance from centre."""
-    focal_px = model.camera.focal_px
-    translation = model.camera_from_board.translation
-    distance = float(np.linalg.norm(translation))
-    along = translation / distance
-    deviation_along = math.sqrt(along @ covariance[:3, :3] @ along)
-    direction_rad = math.sqrt(float(np.linalg.eigvalsh(covariance[3:6, 3:6])[-1]))
-    bend = math.sqrt(covariance[7, 7]) * (corner_px / focal_px) ** 2
-    return Observability(
-        direction=direction_rad < _MAX_DIRECTION_RAD,
-        distance=deviation_along < _MAX_SHARE * distance,
-        focal=math.sqrt(covariance[6, 6]) < _MAX_SHARE * focal_px,
-        distortion=bend < _MAX_BEND,
+    _invert(normal, unknowns, system, covariance)
+    mx, my, size = board
+    lever = (
+        row[0] * mx + row[1] * my,
+        row[3] * mx + row[4] * my,
+        row[6] * mx + row[7] * my,
     )
+    for j in range(POSE_AND_CAMERA):
+        _to_public(covariance[:, j], row, lever, size)
+    for j in range(POSE_AND_CAMERA):
+        _to_public(covariance[j, :], row, lever, size)
+    for a in range(POSE_AND_CAMERA):
+        for b in range(a + 1):
+            mean = 0.5 * variance * (covariance[a, b] + covariance[b, a])
+            covariance[a, b] = covariance[b, a] = mean
+
+
+@jit
+def _invert(normal: Array, unknowns: int, system: Array, inverse: Array) -> None:
+    """Write the inverse of JᵀJ, zero beyond the unknowns; system (8, 9) is room to work in."""
+    inverse[:, :] = 0.0
+    for j in range(unknowns):
+        for a in range(unknowns):
+            for b in range(unknowns):
+                scale = math.sqrt(normal[a, a] * normal[b, b])
+                system[a, b] = normal[a, b] / scale if scale > 0.0 else 0.0
+            system[a, a] += _NO_INFORMATION
+            system[a, unknowns] = 1.0 if a == j else 0.0
+        solve_in_place(system, unknowns)
+        for a in range(unknowns):
+            scale = math.sqrt(normal[a, a] * normal[j, j])
+            inverse[a, j] = system[a, unknowns] / scale
+
+
+@jit
+def _to_public(v: Array, row: Array, lever: tuple[float, float, float], size: float) -> None:
+    """Take (ω, t of the scaled board, g, h) to (t of the board's origin, ω, f, k), in place."""
+    # t = s t_c - R m,   dt = s dt_c - ω x R m,     k = g h.
+    mx, my, mz = lever
+    wx, wy, wz = v[0], v[1], v[2]
+    v[0] = size * v[3] + my * wz - mz * wy
+    v[1] = size * v[4] + mz * wx - mx * wz
+    v[2] = size * v[5] + mx * wy - my * wx
+    v[3], v[4], v[5] = wx, wy, wz
+    v[7] = row[H] * v[6] + row[G] * v[7]

@@ -12,7 +12,7 @@ from .geometry import Array, Mask, Pose
 from .synthetic import anywhere, draw, IMAGE_SIZE, Instances, square, tilted, visible
 
 # A board smaller than this in the picture is drawn again.
-_SMALLEST_EXTENT_PX = 0.5 * IMAGE_SIZE[1]
+_SMALLEST_EXTENT_PX = 0.55 * IMAGE_SIZE[1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

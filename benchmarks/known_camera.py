@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pose by a known camera, against cv2.solvePnP with refinement on undistorted points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import functools
+import math
+
+import numpy as np
+from p4pfr_ros import estimate_pose, Pose
+from p4pfr_ros.core.geometry import rotation_angle_rad
+from p4pfr_ros.core.views import View
+
+from .opencv import estimate_known, median_ms, pose_from_undistorted, undistort, views_of
+
+_POINTS = (4, 8, 24, 100, 500)
+_ROUNDS = 7
+
+KNOWN_HEADER = (
+    'points',
+    'estimate_pose:\nrotation ° / position %',
+    'OpenCV:\nrotation ° / position %',
+    'estimate_pose, ms',
+    'OpenCV, ms,\npoints undistorted before',
+    'ratio',
+)
+
+
+def known_rows(scenes: int) -> list[tuple[str, ...]]:
+    """Measure every number of points, over so many scenes."""
+    return [_row(n, views_of(n, 0, scenes)) for n in _POINTS]
+
+
+def _row(n: int, views: list[View]) -> tuple[str, ...]:
+    prepared = [undistort(v) for v in views]
+    theirs = [pose_from_undistorted(*p) for p in prepared]
+    estimates = [estimate_pose(v.image_points, v.board_points, camera=v.camera) for v in views]
+    ours = [e.model.camera_from_board if e.model else None for e in estimates]
+    times = median_ms(
+        {
+            'ours': [functools.partial(estimate_known, v) for v in views],
+            'opencv': [functools.partial(pose_from_undistorted, *p) for p in prepared],
+        },
+        _ROUNDS,
+    )
+    return (
+        str(n),
+        _medians(ours, views),
+        _medians(theirs, views),
+        f'{times["ours"]:.3f}',
+        f'{times["opencv"]:.3f}',
+        f'{times["ours"] / times["opencv"]:.2f}',
+    )
+
+
+def _medians(poses: Sequence[Pose | None], views: list[View]) -> str:
+    errors = np.array([_error(p, v) for p, v in zip(poses, views, strict=True)])
+    rotation_deg, position = np.median(errors, axis=0)
+    return f'{rotation_deg:.4f} / {position:.4f}'
+
+
+def _error(pose: Pose | None, drawn: View) -> tuple[float, float]:
+    if pose is None:
+        return math.inf, math.inf
+    truth = drawn.camera_from_board
+    away = np.linalg.norm(pose.translation - truth.translation)
+    return (
+        math.degrees(rotation_angle_rad(pose.rotation, truth.rotation)),
+        100.0 * float(away / np.linalg.norm(truth.translation)),
+    )

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a user calls today, as the unit of time: OpenCV on the same kind of views."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import time
+
+import cv2
+import numpy as np
+from p4pfr_ros import estimate_pose, Pose
+from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.core.synthetic import IMAGE_SIZE
+from p4pfr_ros.core.views import View, view
+
+# What is timed, by name: one call after another.
+Calls = dict[str, list[Callable[[], object]]]
+
+_CALIBRATE_FLAGS = (
+    cv2.CALIB_USE_INTRINSIC_GUESS
+    | cv2.CALIB_FIX_PRINCIPAL_POINT
+    | cv2.CALIB_FIX_ASPECT_RATIO
+    | cv2.CALIB_ZERO_TANGENT_DIST
+    | cv2.CALIB_FIX_K2
+    | cv2.CALIB_FIX_K3
+)
+
+
+def calibrate(drawn: View) -> None:
+    """Call cv2.calibrateCamera on one view, k1 free."""
+    guess_px = float(max(IMAGE_SIZE))
+    x, y = (IMAGE_SIZE[0] - 1) / 2.0, (IMAGE_SIZE[1] - 1) / 2.0
+    matrix = np.array([[guess_px, 0.0, x], [0.0, guess_px, y], [0.0, 0.0, 1.0]])
+    points = _in_space(drawn.board_points).astype(np.float32)
+    image = drawn.image_points.astype(np.float32)
+    cv2.calibrateCamera([points], [image], IMAGE_SIZE, matrix, np.zeros(5), flags=_CALIBRATE_FLAGS)
+
+
+def pose_from_undistorted(points: Array, undistorted: Array) -> Pose:
+    """Call cv2.solvePnP (IPPE) and its refinement on points (N, 3) and (N, 2) of z = 1."""
+    _, turn, shift = cv2.solvePnP(points, undistorted, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
+    turn, shift = cv2.solvePnPRefineLM(points, undistorted, np.eye(3), None, turn, shift)
+    return Pose(cv2.Rodrigues(turn)[0], shift.ravel())
+
+
+def undistort(drawn: View) -> tuple[Array, Array]:
+    """Return what OpenCV wants: board points (N, 3), and image points (N, 2) at z = 1."""
+    rays = drawn.camera.unproject(drawn.image_points)
+    return _in_space(drawn.board_points), np.ascontiguousarray(rays[:, :2] / rays[:, 2:])
+
+
+def _in_space(board: Array) -> Array:
+    return np.column_stack([board, np.zeros(len(board))])
+
+
+def estimate(drawn: View) -> None:
+    """Call ``estimate_pose`` with nothing known."""
+    estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
+
+
+def estimate_known(drawn: View) -> None:
+    """Call ``estimate_pose`` with the camera."""
+    estimate_pose(drawn.image_points, drawn.board_points, camera=drawn.camera)
+
+
+def views_of(n_points: int, outlier_percent: int, count: int) -> list[View]:
+    """Draw views to time with."""
+    rng = np.random.default_rng([n_points, outlier_percent, 1])
+    return [view(rng, n_points, outlier_share=outlier_percent / 100.0) for _ in range(count)]
+
+
+def median_ms(calls: Calls, rounds: int) -> dict[str, float]:
+    """Time calls in turn, so that a busy machine slows all alike; return each one's median."""
+    times: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in range(rounds):
+        for i in range(max(map(len, calls.values()))):
+            for name, each in calls.items():
+                start = time.perf_counter()
+                each[i % len(each)]()
+                times[name].append(time.perf_counter() - start)
+    return {name: 1e3 * float(np.median(seconds)) for name, seconds in times.items()}

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Robust estimation in one table: success, errors and time, beside least squares from the truth.
+
+    python -m benchmarks.robust [--scenes N] [--markdown FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+from pathlib import Path
+
+import cv2
+from rich.box import SIMPLE_HEAVY
+from rich.console import Console
+from rich.table import Table
+
+from .known_camera import KNOWN_HEADER, known_rows
+from .opencv import calibrate, Calls, estimate, median_ms, views_of
+from .published_robust import Figures, IDEAL, POSELIB, POSELIB_MORE, RADIALPOSE, ROBUST
+from .robust_scenes import Cell, Errors, measure_cell
+
+_CELLS = [(n, percent) for n in (100, 24) for percent in (0, 30, 50, 70)]
+_TIMED_VIEWS = 50
+_TIMED_ROUNDS = 5
+_WIDTH = 230
+
+HEADER = (
+    'points',
+    'outliers',
+    'least squares\nfrom the truth',
+    'estimate_pose',
+    'samples',
+    'ms',
+    'of cv2.cali-\nbrateCamera',
+    'least squares °',
+    'radialpose °',
+    'PoseLib 3.0.0 °,\ndefault',
+    'PoseLib 3.0.0 °,\n100 to 10,000 iterations',
+)
+NOTE = (
+    'Success % (rotation within 1°, focal length within 5 %) / median errors: rotation °, focal '
+    'length %, position %. 0.5 px noise, tilt 15 to 65°, outliers uniform in the image. '
+    '° published: another machine, other scenes of the same description; success / rotation / '
+    'focal length / ms.'
+)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(prog='python -m benchmarks.robust', description=__doc__)
+    parser.add_argument('--scenes', type=int, default=200, help='a cell; default: %(default)s')
+    parser.add_argument('--markdown', type=Path, metavar='FILE', help='write the tables there too')
+    options = parser.parse_args(arguments)
+    cv2.setNumThreads(1)
+    console = Console()
+    console.width = max(console.width, _WIDTH)  # what is cut off helps nobody
+    rows = []
+    with console.status('') as status:
+        times = _times()
+        for n, percent in _CELLS:
+            status.update(f'{n} points, {percent} % outliers: {options.scenes} scenes')
+            cell = measure_cell(n, percent, options.scenes)
+            rows.append(_row(cell, times))
+        known = known_rows(options.scenes)
+    title = f'{options.scenes} scenes a cell, nothing known of the camera'
+    unit = (
+        f'cv2.calibrateCamera, one view of 24 points, k1 free: {times["opencv"]:.3f} ms here, '
+        'medians of calls in turn with ours.'
+    )
+    tables = [(title, HEADER, rows), ('The camera known: pose alone', KNOWN_HEADER, known)]
+    for name, header, body in tables:
+        console.print(_table(name, header, body))
+    console.print(NOTE, unit, sep='\n', soft_wrap=True)
+    if options.markdown:
+        options.markdown.write_text(_markdown(tables, [NOTE, unit]), encoding='utf-8')
+    return 0
+
+
+def _times() -> dict[str, float]:
+    """Return the median time of each cell, ms, and OpenCV's under ``opencv``."""
+    calls: Calls = {
+        f'{n} {percent}': [
+            functools.partial(estimate, v) for v in views_of(n, percent, _TIMED_VIEWS)
+        ]
+        for n, percent in _CELLS
+    }
+    calls['opencv'] = [functools.partial(calibrate, v) for v in views_of(24, 0, _TIMED_VIEWS)]
+    median_ms(calls, 1)  # compiles, and warms up
+    return median_ms(calls, _TIMED_ROUNDS)
+
+
+def _row(cell: Cell, times: dict[str, float]) -> tuple[str, ...]:
+    milliseconds = times[f'{cell.n_points} {cell.outlier_percent}']
+    published = ROBUST.get((cell.n_points, cell.outlier_percent), {})
+    return (
+        str(cell.n_points),
+        f'{cell.outlier_percent} %',
+        _errors(cell.ideal),
+        _errors(cell.ours),
+        f'{cell.iterations:.0f}',
+        f'{milliseconds:.3f}',
+        f'{milliseconds / times["opencv"]:.2f}',
+        *(_figures(published.get(name)) for name in (IDEAL, RADIALPOSE, POSELIB, POSELIB_MORE)),
+    )
+
+
+def _errors(errors: Errors) -> str:
+    rotation_deg, focal, position = errors.medians
+    return f'{errors.success:.1f} / {rotation_deg:.3f} / {focal:.2f} / {position:.2f}'
+
+
+def _figures(figures: Figures | None) -> str:
+    if figures is None:
+        return ''
+    text = f'{figures.success:.1f} / {figures.rotation_deg:.3f} / {figures.focal:.2f}'
+    return text if figures.milliseconds is None else f'{text} / {figures.milliseconds:g}'
+
+
+def _table(title: str, header: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
+    table = Table(title=title, box=SIMPLE_HEAVY)
+    for column in header:
+        table.add_column(column, justify='right', no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _markdown(
+    tables: list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]], notes: list[str]
+) -> str:
+    lines = ['# Robust estimation, measured', '']
+    lines.append('Written by `python -m benchmarks.robust --markdown`.')
+    for title, header, rows in tables:
+        columns = (text.replace('-\n', '').replace('\n', ' ') for text in header)
+        lines += ['', f'## {title}', '', '| ' + ' | '.join(columns) + ' |']
+        lines += ['|' + '--:|' * len(header), *('| ' + ' | '.join(row) + ' |' for row in rows)]
+    return '\n'.join([*lines, *(f'\n{note}' for note in notes)]) + '\n'
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whatever comes in: an error that names it, or an answer; never a crash, never a hang."""
+
+import warnings
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import numpy as np
+from p4pfr_ros import DivisionCamera, estimate_pose, RansacOptions
+from p4pfr_ros.core.jit import COMPILED
+from p4pfr_ros.core.synthetic import IMAGE_SIZE
+from p4pfr_ros.core.views import view
+import pytest
+
+CAMERA = DivisionCamera(800.0, (639.5, 479.5), -0.1)
+HOWS = [{'image_size': IMAGE_SIZE}, {'camera': CAMERA}]
+SHORT = RansacOptions(max_iterations=50 if COMPILED else 4, min_iterations=4)
+
+numbers = st.one_of(
+    st.floats(-2000.0, 2000.0),
+    st.floats(allow_nan=True, allow_infinity=True),
+    st.integers(-3, 3).map(float),
+)
+clouds = st.integers(0, 9).flatmap(
+    lambda n: st.lists(st.tuples(numbers, numbers), min_size=n, max_size=n)
+)
+
+
+def answer_or_named(image, board, how, names):
+    """Return the estimate, or None where the error names one of the arguments."""
+    try:
+        return estimate_pose(image, board, options=SHORT, **how)
+    except ValueError as error:
+        if str(error).split()[0] not in names:
+            raise
+        return None
+
+
+@settings(max_examples=300 if COMPILED else 20, deadline=None)
+@given(image=clouds, board=clouds, how=st.sampled_from(HOWS))
+def test_anything_is_answered_or_named(image, board, how):
+    image, board = np.reshape(image, (-1, 2)), np.reshape(board, (-1, 2))
+    estimate = answer_or_named(image, board, how, ('image_points', 'board_points'))
+    if estimate is None:
+        return
+    assert estimate.inliers.shape == (len(image),)
+    if estimate.model is not None:
+        assert np.isfinite(estimate.model.camera_from_board.translation).all()
+        assert np.isfinite(estimate.model.camera_from_board.rotation).all()
+        assert estimate.model.camera.focal_px > 0.0
+
+
+@pytest.mark.parametrize('how', HOWS, ids=['free', 'known'])
+@pytest.mark.parametrize('n', [4, 5, 30])
+def test_degenerate_points_have_no_pose_or_an_honest_one(n, how):
+    rng = np.random.default_rng(n)
+    spread, line = rng.uniform(0.0, 900.0, (n, 2)), np.arange(n)[:, None] * [1.0, 2.0]
+    spot = np.tile([3.0, 4.0], (n, 1))
+    twice = np.repeat(rng.uniform(0.0, 900.0, ((n + 1) // 2, 2)), 2, axis=0)[:n]
+    for image, board in [
+        (spread, line),
+        (spread, spot),
+        (line, spread),
+        (spot, spread),
+        (spot, spot),
+        (twice, twice / 1000.0),
+    ]:
+        estimate = estimate_pose(image, board, options=SHORT, **how)
+        if estimate.model is None:
+            assert np.isnan(estimate.covariance).all()
+
+
+@pytest.mark.parametrize('how', HOWS, ids=['free', 'known'])
+@pytest.mark.parametrize('scale', [1e-200, 1e-12, 1e12, 1e200])
+@pytest.mark.parametrize('which', ['image', 'board'])
+def test_wild_scales_are_answered_or_named(which, scale, how):
+    drawn = view(np.random.default_rng(3), 12)
+    image, board = drawn.image_points, drawn.board_points
+    points = (scale * image, board) if which == 'image' else (image, scale * board)
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        answer_or_named(*points, how, (f'{which}_points',))
+
+
+def test_the_boards_unit_does_not_matter():
+    drawn = view(np.random.default_rng(4), 20)
+    pixels = drawn.image_points
+    metres = estimate_pose(pixels, drawn.board_points, image_size=IMAGE_SIZE)
+    for unit in (1e-6, 1e6):
+        scaled = estimate_pose(pixels, unit * drawn.board_points, image_size=IMAGE_SIZE)
+        assert scaled.model.camera.focal_px == pytest.approx(metres.model.camera.focal_px)
+        np.testing.assert_allclose(
+            scaled.model.camera_from_board.translation,
+            unit * metres.model.camera_from_board.translation,
+            rtol=1e-6,
+        )
+        np.testing.assert_allclose(
+            scaled.covariance[:3, :3], unit**2 * metres.covariance[:3, :3], rtol=1e-5
+        )
+
+
+def test_any_layout_and_number_type_gives_the_same_answer():
+    drawn = view(np.random.default_rng(5), 20)
+    image = np.round(drawn.image_points)
+    board = np.round(1000.0 * drawn.board_points)
+    plain = estimate_pose(image, board, image_size=IMAGE_SIZE)
+    wide = np.zeros((40, 4))
+    wide[::2, 1:3] = board
+    for pixels, points in [
+        (image.astype(np.int16), board.astype(np.int64)),
+        (image.astype(np.float32), board.astype(np.float32)),
+        (np.asfortranarray(image), wide[::2, 1:3]),
+        (image.tolist(), board.tolist()),
+    ]:
+        estimate = estimate_pose(pixels, points, image_size=IMAGE_SIZE)
+        assert estimate.model.camera == plain.model.camera
+        np.testing.assert_array_equal(estimate.covariance, plain.covariance)
+
+
+def test_ten_thousand_points_are_no_trouble(sample):
+    drawn = view(np.random.default_rng(6), sample(10_000, 60), outlier_share=0.3)
+    estimate = estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
+    assert estimate.model.camera.focal_px == pytest.approx(drawn.camera.focal_px, rel=0.05)
+
+
+@pytest.mark.parametrize('name', ['image_points', 'board_points'])
+@pytest.mark.parametrize('value', [np.nan, np.inf])
+def test_what_is_not_finite_is_named(name, value):
+    points = {'image_points': np.random.default_rng(0).uniform(0, 900, (6, 2))}
+    points['board_points'] = points['image_points'] / 900.0
+    points[name] = points[name].copy()
+    points[name][2, 1] = value
+    with pytest.raises(ValueError, match=rf'{name} must be finite, got .* at \[2, 1\]'):
+        estimate_pose(**points, image_size=IMAGE_SIZE)

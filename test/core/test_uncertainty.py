@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The covariance keeps its word: over many views, the truth is where it says."""
+
+from errors import deviation
+import numpy as np
+from p4pfr_ros import estimate_pose, RansacOptions
+from p4pfr_ros.core.jit import COMPILED
+from p4pfr_ros.core.synthetic import IMAGE_SIZE
+from p4pfr_ros.core.uncertainty import noise_variance
+from p4pfr_ros.core.views import view
+import pytest
+
+VIEWS = 2000
+
+
+def errors_and_covariances(n, views, sigma_px=None, noise_px=0.5, known=False):
+    rng = np.random.default_rng(5)
+    options = RansacOptions(sigma_px=sigma_px)
+    errors, covariances = [], []
+    for _ in range(views):
+        drawn = view(rng, n, noise_px=noise_px)
+        where = {'camera': drawn.camera} if known else {'image_size': IMAGE_SIZE}
+        estimate = estimate_pose(drawn.image_points, drawn.board_points, options=options, **where)
+        if not estimate.observable.undetermined:
+            errors.append(deviation(estimate.model, drawn))
+            covariances.append(estimate.covariance)
+    return np.array(errors), np.array(covariances)
+
+
+def normalised(errors, covariances):
+    """Return the squares of errors (n, m) in units of their covariances (n, m, m)."""
+    solved = np.linalg.solve(covariances, errors[..., None])[..., 0]
+    return np.einsum('ni,ni->n', errors, solved)
+
+
+@pytest.mark.parametrize('n', [24, 100])
+@pytest.mark.parametrize('sigma_px', [None, 0.5], ids=['measured', 'given'])
+def test_normalised_errors_and_intervals_are_as_promised(n, sigma_px, sample):
+    errors, covariances = errors_and_covariances(n, sample(VIEWS, 3), sigma_px)
+    assert len(errors) >= 0.99 * sample(VIEWS, 3)
+    squares = np.einsum(
+        'ni,ni->n', errors, np.linalg.solve(covariances, errors[..., None])[..., 0]
+    )
+    inside = np.abs(errors) < 1.96 * np.sqrt(np.einsum('nii->ni', covariances))
+    if COMPILED:
+        assert squares.mean() == pytest.approx(8.0, rel=0.1)
+        assert (inside.mean(axis=0) > 0.93).all()
+        assert (inside.mean(axis=0) < 0.97).all()
+
+
+def test_a_known_cameras_pose_keeps_its_word_too(sample):
+    errors, covariances = errors_and_covariances(24, sample(VIEWS, 3), known=True)
+    errors, covariances = errors[:, :6], covariances[:, :6, :6]
+    squares = np.einsum(
+        'ni,ni->n', errors, np.linalg.solve(covariances, errors[..., None])[..., 0]
+    )
+    if COMPILED:
+        assert squares.mean() == pytest.approx(6.0, rel=0.1)
+
+
+def test_noise_near_the_threshold_is_measured_in_spite_of_it(sample):
+    # 0.9 px with a threshold of 2 px: eight in a hundred errors are cut off.
+    errors, covariances = errors_and_covariances(100, sample(400, 3), noise_px=0.9)
+    squares = np.einsum(
+        'ni,ni->n', errors, np.linalg.solve(covariances, errors[..., None])[..., 0]
+    )
+    if COMPILED:
+        assert squares.mean() == pytest.approx(8.0, rel=0.15)
+
+
+@pytest.mark.parametrize('sigma_px', [0.1, 0.5, 1.0])
+def test_what_the_threshold_cuts_off_is_made_good(sigma_px):
+    errors = np.random.default_rng(0).normal(0.0, sigma_px, (200_000, 2))
+    squares = np.sum(errors**2, axis=1)
+    inside = squares[squares < 4.0]
+    variance = noise_variance(inside.sum(), 2 * len(inside), 4.0)
+    assert variance == pytest.approx(sigma_px**2, rel=0.02)
+
+
+def test_the_given_noise_is_the_covariances_unit():
+    drawn = view(np.random.default_rng(1), 40)
+    covariances = [
+        estimate_pose(
+            drawn.image_points,
+            drawn.board_points,
+            image_size=IMAGE_SIZE,
+            options=RansacOptions(sigma_px=sigma_px),
+        ).covariance
+        for sigma_px in (0.15, 0.3)
+    ]
+    np.testing.assert_allclose(covariances[1], 4.0 * covariances[0], rtol=1e-3)
+
+
+def test_four_points_have_the_default_noise():
+    drawn = view(np.random.default_rng(7), 4, noise_px=0.0)
+    covariances = [
+        estimate_pose(
+            drawn.image_points,
+            drawn.board_points,
+            image_size=IMAGE_SIZE,
+            options=RansacOptions(sigma_px=sigma_px),
+        ).covariance
+        for sigma_px in (None, 0.5)
+    ]
+    np.testing.assert_array_equal(*covariances)
