@@ -13,11 +13,11 @@ from .conclude import conclude, Conclusion, conclusion_room, MAX_RATIO, STEPS, S
 from .estimate import PoseEstimate, RansacOptions, Stop
 from .free_camera import Gates
 from .geometry import Array, Pose
+from .likelihood import another_focal_fits
 from .observability import Observability, observability_of, without_the_undetermined
 from .prepare import PreparedView
 from .prior import Prior
 from .problem import free_problem, known_problem, Problem
-from .profile import another_focal_fits
 from .solution import G, H, Solution, TRANSLATION
 from .uncertainty import DEFAULT_SIGMA_PX
 
