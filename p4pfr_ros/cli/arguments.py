@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import argparse
 import math
+
+_LARGEST_SEED = 2**31 - 1
 
 
 def finite(text: str) -> float:
@@ -19,4 +22,12 @@ def positive(text: str) -> float:
     value = finite(text)
     if not value > 0.0:
         raise ValueError
+    return value
+
+
+def seed(text: str) -> int:
+    """Read the seed of a random generator, as large as the nodes' parameters may be."""
+    value = int(text)
+    if not 0 <= value <= _LARGEST_SEED:
+        raise argparse.ArgumentTypeError(f'expected 0 to {_LARGEST_SEED}, got {text}')
     return value

@@ -10,7 +10,7 @@ import sys
 
 from p4pfr_ros import RansacOptions
 from p4pfr_ros.cli.answers import Answer, NoAnswer
-from p4pfr_ros.cli.arguments import finite, positive
+from p4pfr_ros.cli.arguments import finite, positive, seed
 from p4pfr_ros.cli.pictures import answer_from, check_names, find_pictures, Question
 from p4pfr_ros.cli.report import print_json_line, print_table
 from p4pfr_ros.files import ConfigError, load_board
@@ -57,12 +57,26 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar='PX',
         help='a point farther from its reprojection is an outlier (default: %(default)s)',
     )
+    _add_knowledge(parser)
     add(
         '--seed',
-        type=int,
+        type=seed,
         default=_DEFAULTS.seed,
         help='of the random samples (default: %(default)s)',
     )
+
+
+def _add_knowledge(parser: argparse.ArgumentParser) -> None:
+    known = parser.add_argument_group('what is known beforehand')
+    known.add_argument('--sigma', type=positive, metavar='PX', help='noise of a corner, px')
+    for name, what in (('focal', 'focal length, px,'), ('k', 'distortion')):
+        known.add_argument(
+            f'--prior-{name}',
+            nargs=2,
+            type=finite,
+            metavar=(name.upper(), 'SIGMA'),
+            help=f'{what} and its standard deviation',
+        )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -89,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _question(arguments: argparse.Namespace) -> Question:
-    options = RansacOptions(threshold_px=arguments.threshold, seed=arguments.seed)
+    options = _options(arguments)
     folder: Path | None = arguments.draw
     if folder:
         try:
@@ -98,6 +112,23 @@ def _question(arguments: argparse.Namespace) -> Question:
             raise ConfigError(f'--draw {folder}: {error.strerror}') from None
     center = (arguments.center[0], arguments.center[1]) if arguments.center else None
     return Question(load_board(arguments.board), options, center, folder)
+
+
+def _options(arguments: argparse.Namespace) -> RansacOptions:
+    focal_px, focal_sigma_px = arguments.prior_focal or (None, None)
+    k, k_sigma = arguments.prior_k or (0.0, None)
+    try:
+        return RansacOptions(
+            threshold_px=arguments.threshold,
+            seed=arguments.seed,
+            sigma_px=arguments.sigma,
+            prior_focal_px=focal_px,
+            prior_focal_sigma_px=focal_sigma_px,
+            prior_k=k,
+            prior_k_sigma=k_sigma,
+        )
+    except ValueError as error:  # a prior's sigma, say, that is no sigma
+        raise ConfigError(str(error)) from None
 
 
 def _with_progress(paths: Sequence[Path], json: bool) -> Iterator[Path]:

@@ -17,6 +17,7 @@ from .conversions import camera_info_msg, image_msg, ImageFrame, pose_msg
 from .endpoints import advertise
 from .options import CameraSimulatorOptions
 from .parameters import Parameters
+from .rejections import Rejected, Rejections
 from .simulated_path import SimulatedPath
 from .spin import run
 
@@ -37,6 +38,7 @@ class CameraSimulator(Node):  # type: ignore[misc]
         self._frame = ImageFrame((options.camera.width_px, options.camera.height_px))
         self._path = SimulatedPath(self._board, self._frame.size, options.path.seed)
         self._renderer = self._make_renderer()
+        self._misses = Rejections(lambda text: self.get_logger().warning(text))
         self._count = 0
         self._path_time_s = 0.0
         self._image = advertise(self, Image, 'image')
@@ -57,7 +59,11 @@ class CameraSimulator(Node):  # type: ignore[misc]
         lens = options.camera
         if (lens.focal_px, lens.k) != (self._renderer.camera.focal_px, self._renderer.camera.k):
             self._renderer = self._make_renderer()
-        pose = self._path.at(self._path_time_s, self._renderer.camera)
+        try:
+            pose = self._path.at(self._path_time_s, self._renderer.camera)
+        except ValueError:
+            self._misses.add(Rejected('no_board', 'this camera cannot see the board: no picture'))
+            return
         picture = self._renderer.render(
             self._board,
             pose,

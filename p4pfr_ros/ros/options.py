@@ -3,15 +3,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
-
-from p4pfr_ros import RansacOptions
-from p4pfr_ros.files import ConfigError
+from dataclasses import dataclass, field
 
 from .conversions import CORNER_ORDERS
 from .parameters import parameter
+from .robust_options import RobustOptions
 
-_RANSAC = RansacOptions()
 _LARGEST_IMAGE_PX = 65535
 
 
@@ -32,11 +29,18 @@ class MarkerOptions:
         '(counter-clockwise from the bottom left), as seen on the upright printed marker.',
         choices=tuple(CORNER_ORDERS),
     )
+    pixel_center_px: float = parameter(
+        0.0,
+        'Coordinate of the middle of the first pixel in the corners: 0 as in ROS and OpenCV, 0.5 '
+        "as in AprilTag's own library. It is subtracted from them.",
+        low=0.0,
+        high=0.5,
+    )
 
 
 @dataclass(frozen=True, slots=True)
-class ImageSizeOptions:
-    """The picture's size where nobody publishes ``camera_info``."""
+class ImageOptions:
+    """The picture's size where nobody publishes ``camera_info``, and its optical centre."""
 
     width_px: int = parameter(
         0,
@@ -50,76 +54,23 @@ class ImageSizeOptions:
         low=0,
         high=_LARGEST_IMAGE_PX,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class RobustOptions:
-    """The search for the pose among wrong correspondences (RANSAC)."""
-
-    threshold_px: float = parameter(
-        _RANSAC.threshold_px,
-        'A correspondence is an inlier when its reprojection error is below this, pixels.',
-        low=0.01,
-        high=1000.0,
+    center_x_px: float = parameter(
+        -1.0,
+        'Optical centre of the lens in the full raw picture, x. -1: the middle of the picture.',
+        low=-1.0,
+        high=float(_LARGEST_IMAGE_PX),
     )
-    confidence: float = parameter(
-        _RANSAC.confidence,
-        'Of having drawn one sample without a wrong correspondence when the search stops.',
-        low=0.5,
-        high=0.999999,
-    )
-    min_iterations: int = parameter(
-        _RANSAC.min_iterations,
-        'Samples of four points that are tried at least.',
-        low=1,
-        high=1_000_000,
-    )
-    max_iterations: int = parameter(
-        _RANSAC.max_iterations,
-        'Samples of four points that are tried at most.',
-        low=1,
-        high=1_000_000,
-    )
-    min_inliers: int = parameter(
-        _RANSAC.min_inliers,
-        'Of a board with more than four points: when fewer agree, there is no answer.',
-        low=4,
-        high=1_000_000,
-    )
-    min_fov_deg: float = parameter(
-        _RANSAC.min_fov_deg,
-        'Narrowest field of view that the camera may have, along the diagonal, degrees.',
-        low=0.1,
-        high=359.0,
-    )
-    max_fov_deg: float = parameter(
-        _RANSAC.max_fov_deg,
-        'Widest field of view that the camera may have, along the diagonal, degrees.',
-        low=0.2,
-        high=359.9,
-    )
-    max_distortion: float = parameter(
-        _RANSAC.max_distortion,
-        "Largest distortion that the lens may have: |k| |d|^2 at the picture's corner.",
-        low=1e-6,
-        high=100.0,
-    )
-    seed: int = parameter(
-        _RANSAC.seed,
-        'Seed of the random samples: same input and seed, same output.',
-        low=0,
-        high=2**31 - 1,
+    center_y_px: float = parameter(
+        -1.0,
+        'Optical centre of the lens in the full raw picture, y. -1: the middle of the picture.',
+        low=-1.0,
+        high=float(_LARGEST_IMAGE_PX),
     )
 
-    def __post_init__(self) -> None:
-        try:
-            self.ransac()
-        except ValueError as error:  # two that do not go together
-            raise ConfigError(f'robust.{error}') from None
-
-    def ransac(self) -> RansacOptions:
-        """Return what the solver takes: all of these by the same names."""
-        return RansacOptions(**asdict(self))
+    def center_px(self, size: tuple[int, int]) -> tuple[float, float]:
+        """Return the optical centre in a full raw picture of a size, px."""
+        x, y = self.center_x_px, self.center_y_px
+        return (0.5 * (size[0] - 1) if x < 0.0 else x, 0.5 * (size[1] - 1) if y < 0.0 else y)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +78,7 @@ class PoseNodeOptions:
     """Parameters of pose_node."""
 
     marker: MarkerOptions = field(default_factory=MarkerOptions)
-    image: ImageSizeOptions = field(default_factory=ImageSizeOptions)
+    image: ImageOptions = field(default_factory=ImageOptions)
     robust: RobustOptions = field(default_factory=RobustOptions)
 
 

@@ -6,7 +6,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from geometry_msgs.msg import PolygonStamped, PoseStamped, PoseWithCovarianceStamped
+import numpy as np
 from p4pfr_ros import estimate_pose, PoseEstimate
+from p4pfr_ros.core.geometry import Array
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, PointCloud2
 from std_msgs.msg import Header
@@ -34,6 +36,11 @@ _NO_SIZE = Rejected(
     'parameters image.width_px and image.height_px',
 )
 
+# A corner that was fitted may lie this far outside the picture; nothing else can be seen there.
+_MARGIN_PX = 2.0
+
+_QUANTITIES = ('direction', 'distance', 'focal', 'distortion')
+
 
 class PoseNode(Node):  # type: ignore[misc]
     """
@@ -46,7 +53,9 @@ class PoseNode(Node):  # type: ignore[misc]
         super().__init__('pose_node')
         self._config = Parameters(self, PoseNodeOptions())
         self._rejections = Rejections(lambda text: self.get_logger().warning(text))
+        self._remarks = Rejections(lambda text: self.get_logger().warning(text))
         self._frame: ImageFrame | None = None
+        self._frame_id = ''
         self._pose = advertise(self, PoseStamped, '~/pose')
         self._pose_with_covariance = advertise(
             self, PoseWithCovarianceStamped, '~/pose_with_covariance'
@@ -65,10 +74,13 @@ class PoseNode(Node):  # type: ignore[misc]
             self._rejections.add(frame)
         else:
             self._frame = frame
+            self._frame_id = msg.header.frame_id
 
     def _on_corners(self, msg: PolygonStamped) -> None:
         marker = self._config.options.marker
-        points = correspondences_from_polygon(msg, marker.size_m, marker.corner_order)
+        points = correspondences_from_polygon(
+            msg, marker.size_m, marker.corner_order, marker.pixel_center_px
+        )
         self._answer(msg.header, points)
 
     def _on_correspondences(self, msg: PointCloud2) -> None:
@@ -80,14 +92,28 @@ class PoseNode(Node):  # type: ignore[misc]
             self._rejections.add(points)
         elif frame is None:
             self._rejections.add(_NO_SIZE)
+        elif (outside := _outside(frame.full_from_sent(points.image_points), frame)) is not None:
+            self._rejections.add(outside)
         elif is_heard(self._pose, self._pose_with_covariance, self._camera_info):
+            self._remark_on_frames(header)
             estimate = estimate_pose(
                 frame.full_from_sent(points.image_points),
                 points.board_points,
                 image_size=frame.size,
+                center_px=self._config.options.image.center_px(frame.size),
                 options=self._config.options.robust.ransac(),
             )
             self._publish(header, frame, estimate)
+
+    def _remark_on_frames(self, header: Header) -> None:
+        if self._frame_id not in ('', header.frame_id):
+            self._remarks.add(
+                Rejected(
+                    'frame_id',
+                    f'camera_info is of the frame {self._frame_id!r}, the corners of '
+                    f'{header.frame_id!r}: is it the same camera?',
+                )
+            )
 
     def _image_frame(self) -> ImageFrame | None:
         """Return the latest camera_info's frame; before the first, that of the parameters."""
@@ -102,12 +128,38 @@ class PoseNode(Node):  # type: ignore[misc]
         if model is None:
             self._rejections.add(Rejected(estimate.stop.name.lower(), estimate.stop.value))
             return
-        pose = model.camera_from_board
-        self._pose.publish(pose_msg(header, pose))
+        pose, seen = model.camera_from_board, estimate.observable
+        # The covariance can say that a number means nothing; the other messages cannot.
         self._pose_with_covariance.publish(
             pose_with_covariance_msg(header, pose, estimate.covariance[:6, :6])
         )
-        self._camera_info.publish(camera_info_division_msg(header, frame, model.camera))
+        if seen.direction and seen.distance:
+            self._pose.publish(pose_msg(header, pose))
+        if seen.focal and seen.distortion:
+            self._camera_info.publish(camera_info_division_msg(header, frame, model.camera))
+        unseen = [name for name in _QUANTITIES if not getattr(seen, name)]
+        if unseen:
+            self._remarks.add(
+                Rejected(
+                    'not_observable',
+                    f'a view does not tell: {", ".join(unseen)} (tilt the board, bring it nearer)',
+                )
+            )
+
+
+def _outside(points_px: Array, frame: ImageFrame) -> Rejected | None:
+    """Say which point cannot have been seen in the picture, if one cannot."""
+    width, height = frame.size
+    low, high = -0.5 - _MARGIN_PX, np.array([width, height]) - 0.5 + _MARGIN_PX
+    beyond = np.flatnonzero(((points_px < low) | (points_px > high)).any(axis=1))
+    if beyond.size == 0:
+        return None
+    x, y = points_px[beyond[0]]
+    return Rejected(
+        'outside_picture',
+        f'a point at ({x:.0f}, {y:.0f}) px cannot be in a picture of {width}x{height} px: is the '
+        'camera_info that of this camera?',
+    )
 
 
 def main(args: Sequence[str] | None = None) -> None:

@@ -67,7 +67,9 @@ class SimulatedPath:
     ) -> Pose:
         """Move the board along and across the view until its outline lies where it should."""
         outline = self._outline @ rotation.T
-        distance = float(np.abs(outline).max() * camera.focal_px / self._size_px.min())
+        # From too near, a lens with k > 0 does not see the outline at all: begin far away.
+        reach = float(np.abs(outline).max())
+        distance = 20.0 * reach * max(1.0, camera.focal_px / self._size_px.min())
         aim_px = middle_px
         # Its size in the picture goes with 1 / distance and its place with the aim, nearly:
         # correcting both by what is seen converges at once.

@@ -90,6 +90,7 @@ def test_a_wrong_change_is_refused_with_a_reason(node, values, reason):
         ('count', 10, 'count'),
         ('colour', 'blue', 'colour: expected one of red, green'),
         ('group.low', 1, 'write 1.0, not 1'),
+        ('group.high', 11.0, 'out of range'),
         ('group.low', 5.0, 'group.low: expected less than 2, got 5'),
     ],
 )
@@ -104,6 +105,7 @@ def test_a_wrong_start_is_one_line_for_the_user(dds, name, value, reason):
     message = str(error.value)
     assert message.startswith(f'badly_set: {name}: ')
     assert reason in message
+    assert ('write 1.0' in message) == ((name, value) == ('group.low', 1))
     assert '\n' not in message
 
 
@@ -161,5 +163,10 @@ def test_the_solver_gets_what_the_parameters_say():
     assert PoseNodeOptions().robust.ransac() == RansacOptions()
     changed = replaced(PoseNodeOptions(), {'robust.threshold_px': 5.0, 'robust.seed': 9})
     assert changed.robust.ransac() == RansacOptions(threshold_px=5.0, seed=9)
+    known = {'robust.prior_focal_px': 500.0, 'robust.prior_focal_sigma_px': 5.0}
+    prior = replaced(PoseNodeOptions(), known).robust.ransac()
+    assert prior == RansacOptions(prior_focal_px=500.0, prior_focal_sigma_px=5.0)
+    with pytest.raises(ConfigError, match=r'^robust\.prior_focal_px'):
+        replaced(PoseNodeOptions(), {'robust.prior_focal_px': 500.0})
     with pytest.raises(ConfigError, match=r'^robust\.max_fov_deg'):
         replaced(PoseNodeOptions(), {'robust.max_fov_deg': 2.0})

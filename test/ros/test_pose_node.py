@@ -3,6 +3,7 @@
 
 from geometry_msgs.msg import PoseStamped
 import numpy as np
+from p4pfr_ros import DivisionCamera
 from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.ros.conversions import cloud_msg, division_camera_from_msg, pose_from_msg
 import pytest
@@ -76,6 +77,46 @@ def test_the_corner_order_matters(talk):
     # One corner further on: the marker, square as it is, is seen turned by a right angle.
     a, b = pose_from_msg(good), pose_from_msg(turned)
     assert rotation_angle_rad(a.rotation, b.rotation) == pytest.approx(np.pi / 2, abs=1e-3)
+
+
+def test_a_view_that_does_not_tell_the_distance_gives_no_pose(talk):
+    """A board parallel to the image: the covariance says it, and a line; nothing is made up."""
+    noise_px = np.random.default_rng(0).normal(0.0, 0.3, (len(scenes.GRID), 2))
+    image = scenes.seen(scenes.GRID, scenes.FACING) + noise_px
+    cloud = cloud_msg(scenes.header(50), image, scenes.GRID, np.arange(len(scenes.GRID)))
+    before = len(talk.poses), len(talk.cameras)
+    talk.cloud.publish(cloud)
+    talk.peer.until(lambda: talk.covariances[-1].header.stamp.sec == 50)
+    talk.peer.until(lambda: '[not_observable: ' in talk.node.output)
+    assert (len(talk.poses), len(talk.cameras)) == before
+    answer = talk.covariances[-1].pose
+    assert np.sqrt(answer.covariance.reshape(6, 6)[2, 2]) > 0.3 * answer.pose.position.z
+    talk.ask(scenes.board_cloud(51))
+
+
+def test_the_optical_centre_can_be_given(talk):
+    """The camera's centre is the parameter's, and the middle again when that is taken back."""
+    talk.set('image.center_x_px', 330.0)
+    talk.set('image.center_y_px', 250.0)
+    centred = DivisionCamera(520.0, (330.0, 250.0), -0.2)
+    pose, _, camera = talk.ask(scenes.board_cloud(52, camera=centred))
+    np.testing.assert_allclose(camera.k[[0, 2, 5]], [520.0, 330.0, 250.0], rtol=1e-4)
+    assert_close(pose_from_msg(pose), scenes.CAMERA_FROM_BOARD)
+    talk.set('image.center_x_px', -1.0)
+    talk.set('image.center_y_px', -1.0)
+    _, _, camera = talk.ask(scenes.board_cloud(53))
+    np.testing.assert_allclose(camera.k[[2, 5]], [319.5, 239.5])
+
+
+def test_another_cameras_camera_info_is_remarked_upon(peer):
+    """It may be right, so the answer comes; but a line names both frames."""
+    talk = Talk(peer).open()
+    pose, _, _ = talk.ask(scenes.board_cloud(5, 'another_camera'))
+    assert pose.header.frame_id == 'another_camera'
+    peer.until(lambda: '[frame_id: ' in talk.node.output)
+    line = next(line for line in talk.lines() if '[frame_id: ' in line)
+    assert "'a_camera'" in line
+    assert "'another_camera'" in line
 
 
 def test_without_the_size_of_the_picture_it_says_what_to_do(peer):

@@ -25,6 +25,7 @@ BAD_POLYGONS = {
     'infinity': (np.full((4, 2), np.inf), 'not_finite'),
     'absurd': (np.full((4, 2), 1e30), 'out_of_range'),
     'all in one place': (np.full((4, 2), 100.0), 'no_solution'),
+    'outside the picture': (scenes.seen(scenes.ARUCO) + 500.0, 'outside_picture'),
 }
 
 

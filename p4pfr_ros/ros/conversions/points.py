@@ -44,19 +44,20 @@ class Correspondences:
 
 
 def correspondences_from_polygon(
-    msg: PolygonStamped, size_m: float, corner_order: str
+    msg: PolygonStamped, size_m: float, corner_order: str, pixel_center_px: float = 0.0
 ) -> Correspondences | Rejected:
     """
     Take the four corners of a marker of a size (outer edge of its black border).
 
-    ``corner_order`` is one of ``CORNER_ORDERS``; which it is cannot be seen in the message.
+    ``corner_order`` is one of ``CORNER_ORDERS``, and ``pixel_center_px`` what the middle of the
+    first pixel is called there; neither can be seen in the message.
     """
     corners = msg.polygon.points
     if len(corners) != 4:
         return Rejected('point_count', f'corners: expected 4 points, got {len(corners)}')
     if not size_m > 0.0:
         return Rejected('marker_size', 'corners: set the parameter marker.size_m, metres')
-    image_points = np.array([(corner.x, corner.y) for corner in corners])
+    image_points = np.array([(corner.x, corner.y) for corner in corners]) - pixel_center_px
     board_points = size_m * np.array(CORNER_ORDERS[corner_order])
     return checked(image_points, board_points, np.arange(4), 'corners')
 
