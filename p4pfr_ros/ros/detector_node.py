@@ -37,10 +37,11 @@ class DetectorNode(Node):  # type: ignore[misc]
         self._misses = Rejections(lambda text: self.get_logger().info(text))
         self._correspondences = advertise(self, PointCloud2, 'correspondences')
         self._annotated = advertise(self, Image, '~/image_annotated')
+        # Where pictures come faster than they are looked at, an old one is of no use.
         if options.image.transport == 'compressed':
-            subscribe(self, CompressedImage, 'image/compressed', self._on_compressed)
+            subscribe(self, CompressedImage, 'image/compressed', self._on_compressed, depth=1)
         else:
-            subscribe(self, Image, 'image', self._on_image)
+            subscribe(self, Image, 'image', self._on_image, depth=1)
         self.get_logger().info('ready')
 
     def _on_image(self, msg: Image) -> None:

@@ -2,8 +2,8 @@
 """
 Subscriptions and publishers as all our nodes have them.
 
-Sensor data in (best effort: the newest matters), reliable out; history, depth and reliability of
-each can be overridden by ROS's own parameters, such as
+Sensor data in (best effort: the newest matters), reliable out; history, depth, reliability and
+durability of each can be overridden by ROS's own parameters, such as
 ``qos_overrides./image.subscription.reliability: reliable``.
 """
 
@@ -14,21 +14,31 @@ from typing import Any
 
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 _SENSOR_DEPTH = 5
 _OUTPUT_DEPTH = 10
+_OVERRIDABLE = (
+    QoSPolicyKind.HISTORY,
+    QoSPolicyKind.DEPTH,
+    QoSPolicyKind.RELIABILITY,
+    QoSPolicyKind.DURABILITY,
+)
 
 
 def subscribe(
-    node: Node, message_type: type[Any], topic: str, callback: Callable[[Any], None]
+    node: Node,
+    message_type: type[Any],
+    topic: str,
+    callback: Callable[[Any], None],
+    depth: int = _SENSOR_DEPTH,
 ) -> Subscription:
-    """Subscribe to a sensor's data."""
+    """Subscribe to a sensor's data; ``depth`` messages may wait, the oldest is dropped first."""
     # Overrides are written into the profile: each endpoint needs one of its own.
-    qos = QoSProfile(depth=_SENSOR_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
-    overrides = QoSOverridingOptions.with_default_policies()
+    qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+    overrides = QoSOverridingOptions(_OVERRIDABLE)
     return node.create_subscription(
         message_type, topic, callback, qos, qos_overriding_options=overrides
     )
@@ -37,7 +47,7 @@ def subscribe(
 def advertise(node: Node, message_type: type[Any], topic: str) -> Publisher:
     """Make a reliable publisher."""
     qos = QoSProfile(depth=_OUTPUT_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
-    overrides = QoSOverridingOptions.with_default_policies()
+    overrides = QoSOverridingOptions(_OVERRIDABLE)
     return node.create_publisher(message_type, topic, qos, qos_overriding_options=overrides)
 
 

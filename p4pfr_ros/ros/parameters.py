@@ -20,7 +20,7 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import InvalidParameterTypeException, ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -120,7 +120,8 @@ class Parameters(Generic[Options]):
         try:
             return self._node.declare_parameter(name, default, _descriptor(default, spec)).value
         except ParameterException as error:  # of another type, or out of range
-            hint = ' (write 1.0, not 1)' if isinstance(default, float) else ''
+            is_type = isinstance(error, InvalidParameterTypeException)
+            hint = ' (write 1.0, not 1)' if is_type and isinstance(default, float) else ''
             raise ConfigError(f'{name}: {error}{hint}') from None
 
     def _warn_of_unknown(self) -> None:

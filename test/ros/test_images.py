@@ -2,6 +2,7 @@
 """Every encoding of a picture comes out as the same grey or BGR picture."""
 
 from array import array
+import struct
 
 import cv2
 import numpy as np
@@ -158,6 +159,20 @@ def test_compressed_pictures_are_read():
     np.testing.assert_allclose(seen.astype(int), BGR.astype(int), atol=12)
     for data in (b'', b'rubbish', png[:40]):
         assert image_from_compressed(_compressed('png', data)).cause == 'encoding'
+
+
+def test_compressed_pictures_keep_the_cameras_pixels():
+    """A rotation that is noted in the file is not applied, as in pictures from disk."""
+    jpeg = cv2.imencode('.jpg', BGR)[1].tobytes()
+    # EXIF, a directory with one entry: orientation (0x112), one short, 6: a quarter turn.
+    entry = struct.pack('<HHIHH', 0x112, 3, 1, 6, 0)
+    exif = b'Exif\0\0II*\0' + struct.pack('<IH', 8, 1) + entry + bytes(4)
+    turned = jpeg[:2] + b'\xff\xe1' + struct.pack('>H', 2 + len(exif)) + exif + jpeg[2:]
+    assert cv2.imdecode(np.frombuffer(turned, np.uint8), cv2.IMREAD_COLOR).shape[0] == WIDTH
+    np.testing.assert_array_equal(
+        image_from_compressed(_compressed('jpeg', turned)),
+        image_from_compressed(_compressed('jpeg', jpeg)),
+    )
 
 
 def _compressed(kind, data):

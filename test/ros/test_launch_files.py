@@ -51,3 +51,11 @@ def test_a_launch_file_names_what_there_is(path):
     known = {name for options in NODES.values() for name, _, _ in flattened(options)}
     keys = {k.value for d in ast.walk(tree) if isinstance(d, ast.Dict) for k in d.keys}
     assert keys <= known
+
+
+def test_the_demo_has_a_board_of_its_own():
+    """The file that it takes by default is installed with the others."""
+    texts = _texts(ast.parse((ROOT / 'launch/demo.launch.py').read_text()))
+    boards = {path.name for path in (ROOT / 'config/boards').iterdir()}
+    assert len(texts & boards) == 1
+    assert texts >= {'config', 'boards'}

@@ -2,8 +2,10 @@
 """
 Messages to numbers and back: the only room that knows the fields of a message.
 
-What comes over the wire is not trusted: a function ``..._from_msg`` returns ``Rejected``, with
-a cause and a reason, where the message has no answer, and never raises for what is in it.
+What comes over the wire is not trusted. A function that reads a node's input returns
+``Rejected``, with a cause and a reason, where the message has no answer, and never raises for
+what is in it. Those that read our own outputs back, ``pose_from_msg`` and
+``division_camera_from_msg``, raise ``ValueError``.
 """
 
 from .cameras import (

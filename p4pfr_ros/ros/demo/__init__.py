@@ -16,7 +16,7 @@ import time
 
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.boards import Board
-from p4pfr_ros.files import load_board
+from p4pfr_ros.files import ConfigError, load_board
 from p4pfr_ros.rendering import render
 import rclpy
 from rclpy.signals import SignalHandlerOptions
@@ -24,7 +24,7 @@ from rich.console import Console
 
 from .children import Children
 from .monitor import Monitor
-from .picture import write_picture
+from .picture import check_place, write_picture
 from .table import Screen
 from .views import Errors, median_errors, View
 from ..simulated_path import SimulatedPath
@@ -46,15 +46,26 @@ PICTURE = 'demo.png'
 
 # For the median over all views, each estimated from its one picture: ten times what was measured,
 # and for the latency what a busy machine may need.
-BOUNDS = Errors(position=0.002, tilt_deg=0.05, focal=0.002, k=0.002, rms_px=0.1, latency_s=0.5)
+BOUNDS = Errors(position=0.002, rotation_deg=0.03, focal=0.002, k=0.002, rms_px=0.1, latency_s=0.5)
 
 
-def main(duration_s: float = DURATION_S) -> int:
-    """Run the demo for so long after the first view; return the process's exit status."""
+def main(
+    duration_s: float = DURATION_S, bounds: Errors = BOUNDS, fewest_views: int = FEWEST_VIEWS
+) -> int:
+    """
+    Run the demo for so long after the first view; return the process's exit status.
+
+    It fails where the median of an error is beyond its bound, or fewer views than that came.
+    """
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     console = Console()
+    record = _Record()
     try:
-        problems = _run(console, duration_s)
+        problems = _run(console, record, duration_s) or _judge(
+            console, record.errors, bounds, fewest_views
+        )
+    except ConfigError as error:
+        problems = [str(error)]
     except KeyboardInterrupt:
         console.print('interrupted')
         return 130
@@ -78,12 +89,12 @@ class _Record:
             self.largest = view
 
 
-def _run(console: Console, duration_s: float) -> list[str]:
-    """Do it all; return what is wrong, if anything."""
+def _run(console: Console, record: _Record, duration_s: float) -> list[str]:
+    """Watch the nodes for a while and draw what they saw; return why that failed, if it did."""
+    check_place(Path(PICTURE))
     # Nobody else's nodes are to hear this, nor this to hear theirs.
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
-    record = _Record()
     with TemporaryDirectory(prefix='p4pfr_demo_') as folder:
         board_file = Path(folder, 'board.yaml')
         board_file.write_text(BOARD)
@@ -97,7 +108,7 @@ def _run(console: Console, duration_s: float) -> list[str]:
     if record.largest is not None:
         write_picture(Path(PICTURE), record.largest, board)
         console.print(f'{PICTURE}: a picture as seen, and straightened')
-    return _judge(console, record.errors)
+    return []
 
 
 def _compile(console: Console, board: Board) -> None:
@@ -154,19 +165,19 @@ def _listen(
     return None
 
 
-def _judge(console: Console, errors: list[Errors]) -> list[str]:
+def _judge(console: Console, errors: list[Errors], bounds: Errors, fewest_views: int) -> list[str]:
     """Hold the median errors against their bounds; return a line for each that is beyond."""
     median = median_errors(errors)
     problems = []
-    if len(errors) < FEWEST_VIEWS:
-        problems.append(f'{len(errors)} views came, expected at least {FEWEST_VIEWS}')
+    if len(errors) < fewest_views:
+        problems.append(f'{len(errors)} views came, expected at least {fewest_views}')
     for name in Errors.__slots__:
-        value, bound = getattr(median, name), getattr(BOUNDS, name)
+        value, bound = getattr(median, name), getattr(bounds, name)
         if not value <= bound:
             problems.append(f'median error of {name} is {value:.4g}, expected at most {bound:g}')
     console.print(
         f'median errors of {len(errors)} views: position {median.position:.3%}, '
-        f'tilt {median.tilt_deg:.3f}°, f {median.focal:.3%}, k {median.k:.4f}; '
+        f'rotation {median.rotation_deg:.3f}°, f {median.focal:.3%}, k {median.k:.4f}; '
         f'rms {median.rms_px:.3f} px, picture to pose {1e3 * median.latency_s:.1f} ms',
         highlight=False,
         soft_wrap=True,

@@ -58,7 +58,13 @@ class Children(AbstractContextManager['Children']):
 
     def __exit__(self, *_: object) -> None:
         # A second Ctrl-C must not leave half of them running.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            self._end_all()
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    def _end_all(self) -> None:
         for number, patience_s in _LAST_WORDS:
             for process in self._processes.values():
                 if process.poll() is None:

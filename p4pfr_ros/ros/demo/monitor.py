@@ -52,7 +52,10 @@ class Monitor(Node):  # type: ignore[misc]
 
     def _listener(self, part: str, convert: Callable[[Any], Any]) -> Callable[[Any], None]:
         def listen(msg: Any) -> None:
-            value = convert(msg)
+            try:
+                value = convert(msg)
+            except ValueError as error:
+                value = Rejected(part, f'{part}: {error}')
             if isinstance(value, Rejected):
                 self.get_logger().error(value.reason)
                 return

@@ -71,8 +71,9 @@ def _table(view: View, camera: DivisionCamera, errors: list[Errors]) -> Table:
         'tilt, degrees',
         f'{tilt_deg(solution.camera_from_board):.2f}',
         f'{tilt_deg(view.true_pose):.2f}',
-        f'{now.tilt_deg:.2f}',
-        f'{median.tilt_deg:.2f}',
+    )
+    table.add_row(
+        'rotation, degrees', '', '', f'{now.rotation_deg:.2f}', f'{median.rotation_deg:.2f}'
     )
     table.add_row(
         'focal length, px',
@@ -99,7 +100,7 @@ def _line(view: View, camera: DivisionCamera, errors: list[Errors]) -> str:
     tilt, true_tilt = tilt_deg(view.estimate.camera_from_board), tilt_deg(view.true_pose)
     return (
         f'view {len(errors):4d}: position off by {now.position:.2%}, '
-        f'tilt {tilt:.1f}° (true {true_tilt:.1f}°), '
+        f'tilt {tilt:.1f}° (true {true_tilt:.1f}°), rotation off by {now.rotation_deg:.2f}°, '
         f'f {camera_now.focal_px:.1f} px ({camera.focal_px:.1f}), '
         f'k {camera_now.k:.3f} ({camera.k:.3f}), rms {now.rms_px:.2f} px, '
         f'{1e3 * now.latency_s:.0f} ms'

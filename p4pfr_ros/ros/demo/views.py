@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 from p4pfr_ros import DivisionCamera, Pose, Solution
+from p4pfr_ros.core.geometry import rotation_angle_rad
 
 from ..conversions import Correspondences, Picture
 
@@ -41,11 +42,12 @@ class Errors:
     """
     How far an estimate is from the truth.
 
-    position and focal are relative (to the board's distance, to the true focal length).
+    position and focal are relative (to the board's distance, to the true focal length);
+    rotation_deg is the angle of the whole turn that is missing, about whatever axis.
     """
 
     position: float
-    tilt_deg: float
+    rotation_deg: float
     focal: float
     k: float
     rms_px: float
@@ -58,7 +60,7 @@ class Errors:
         away = float(np.linalg.norm(pose.translation - true.translation))
         return cls(
             position=away / float(np.linalg.norm(true.translation)),
-            tilt_deg=abs(tilt_deg(pose) - tilt_deg(true)),
+            rotation_deg=math.degrees(rotation_angle_rad(pose.rotation, true.rotation)),
             focal=abs(view.estimate.camera.focal_px / camera.focal_px - 1.0),
             k=abs(view.estimate.camera.k - camera.k),
             rms_px=view.rms_px,
@@ -73,5 +75,6 @@ def median_errors(errors: list[Errors]) -> Errors:
 
 
 def tilt_deg(camera_from_board: Pose) -> float:
-    """Return the angle between the board and the image plane."""
-    return math.degrees(math.acos(min(1.0, abs(float(camera_from_board.rotation[2, 2])))))
+    """Return the angle between board and image plane: 0 seen head-on, 180 from behind."""
+    x, y, z = camera_from_board.rotation[:, 2]  # out of the board, so towards the camera
+    return math.degrees(math.atan2(math.hypot(x, y), -z))

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulator, detector and pose node, three processes, find the truth again: any kind of board."""
+
+from pathlib import Path
+
+from geometry_msgs.msg import PoseStamped
+import numpy as np
+from p4pfr_ros.core.geometry import rotation_angle_rad
+from p4pfr_ros.ros.conversions import division_camera_from_msg, pose_from_msg
+import pytest
+from sensor_msgs.msg import CameraInfo
+
+BOARDS = Path(__file__).resolve().parents[2] / 'config/boards'
+FOCAL_PX, K = 520.0, -0.25
+VIEWS = 60
+# Position (part of the distance), rotation in degrees, focal length (part of it), k: ten times the
+# median of 70 views that was measured. A single marker's four points tell less than a board's.
+BOUNDS = {
+    'charuco_7x5_35mm': (0.004, 0.05, 0.004, 0.007),
+    'chessboard_9x6_25mm': (0.002, 0.03, 0.002, 0.003),
+    'marker_36h11_150mm': (0.05, 0.6, 0.05, 0.09),
+    'marker_grid_4x3_50mm': (0.005, 0.1, 0.005, 0.007),
+}
+
+
+def test_every_board_has_bounds():
+    """A board that is added has to be measured."""
+    assert {path.stem for path in BOARDS.iterdir()} == set(BOUNDS)
+
+
+@pytest.mark.dds
+@pytest.mark.parametrize('board', BOUNDS)
+def test_the_chain_finds_the_truth_again(peer, board):
+    """Medians over some views, each estimated from its one picture; no axis may be mistaken."""
+    truths = peer.listen(PoseStamped, 'camera_simulator/pose_true')
+    poses = peer.listen(PoseStamped, 'pose_node/pose')
+    cameras = peer.listen(CameraInfo, 'pose_node/camera_info_division')
+    file = {'board_file': BOARDS / f'{board}.yaml'}
+    lens = {'camera.focal_px': FOCAL_PX, 'camera.k': K}
+    peer.start('pose_node')
+    peer.start('detector_node', parameters=file)
+    peer.start('camera_simulator', parameters=file | lens | {'rate_hz': 20.0, 'path.speed': 5.0})
+    peer.until(lambda: min(len(cameras), len(poses)) >= VIEWS)
+    true_at = {_nanoseconds(m): pose_from_msg(m) for m in truths}
+    views = [m for m in poses if _nanoseconds(m) in true_at]
+    assert len(views) >= VIEWS // 2
+    assert {m.header.frame_id for m in views} == {'camera_optical_frame'}
+    errors = [_errors(pose_from_msg(m), true_at[_nanoseconds(m)]) for m in views]
+    seen = [division_camera_from_msg(m) for m in cameras]
+    lenses = [(abs(c.focal_px / FOCAL_PX - 1.0), abs(c.k - K)) for c in seen]
+    medians = [*np.median(errors, axis=0), *np.median(lenses, axis=0)]
+    assert all(np.array(medians) < BOUNDS[board]), medians
+
+
+def _errors(pose, true):
+    away = np.linalg.norm(pose.translation - true.translation)
+    turned = rotation_angle_rad(pose.rotation, true.rotation)
+    return away / np.linalg.norm(true.translation), np.degrees(turned)
+
+
+def _nanoseconds(msg):
+    stamp = msg.header.stamp
+    return 1_000_000_000 * stamp.sec + stamp.nanosec
