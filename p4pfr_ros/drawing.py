@@ -14,9 +14,8 @@ from p4pfr_ros.core.camera import DivisionCamera
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.core.solution import Solution
 from p4pfr_ros.detection import Detection
-from p4pfr_ros.image_files import read_image, write_image
 
-__all__ = ['annotate', 'read_image', 'straighten', 'straightened_camera', 'write_image']
+__all__ = ['annotate', 'straighten', 'straightened_camera']
 
 Picture = NDArray[np.uint8]
 

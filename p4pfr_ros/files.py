@@ -9,6 +9,7 @@ import difflib
 import math
 import os
 from pathlib import Path
+import re
 from typing import Any
 
 from p4pfr_ros.boards import Board, Charuco, Chessboard, Marker, MarkerGrid
@@ -21,6 +22,8 @@ _TYPES: dict[str, type[Board]] = {
     'marker_grid': MarkerGrid,
 }
 _PER_METRE = {'m': 1.0, 'mm': 1000.0}
+_POWER = re.compile(r'(\d+)(\.\d*)?[eE]([-+]?)(\d+)')
+_MERGE = 'tag:yaml.org,2002:merge'
 
 
 class ConfigError(Exception):
@@ -134,8 +137,19 @@ def _in_metres(given: dict[Any, Any], fields: list[str], path: str) -> dict[str,
 def _length(value: object, path: str, unit: str) -> float:
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if not is_number or not 0.0 < value < math.inf:  # type: ignore[operator]
-        raise ValueError(f'{path}: expected a length > 0 in {unit}, got {value!r}')
+        raise ValueError(
+            f'{path}: expected a length > 0 in {unit}, got {value!r}{_power_hint(value)}'
+        )
     return float(value) / _PER_METRE[unit]  # type: ignore[arg-type]
+
+
+def _power_hint(value: object) -> str:
+    """Say how YAML 1.1 wants a power of ten, which it takes for text if anything is missing."""
+    power = _POWER.fullmatch(value) if isinstance(value, str) else None
+    if power is None:
+        return ''
+    whole, fraction, sign, exponent = power.groups()
+    return f' (YAML wants {whole}{fraction or ".0"}e{sign or "+"}{exponent})'
 
 
 def _reject_unknown(given: dict[Any, Any], known: list[str], prefix: str) -> None:
@@ -183,6 +197,8 @@ class _StrictLoader(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen: set[Hashable] = set()
         for key_node, _ in node.value:
+            if key_node.tag == _MERGE:
+                continue  # what it brings may be replaced
             key = self.construct_object(key_node, deep=True)
             if not isinstance(key, Hashable):
                 continue  # refused below

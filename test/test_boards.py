@@ -82,12 +82,16 @@ WRONG = [
     (Chessboard, {'name': ' '}, 'name: expected a word'),
     (Charuco, {'marker_m': 0.035}, 'marker_m: expected less than square_m = 0.035'),
     (Charuco, {'legacy_pattern': 1}, 'legacy_pattern: expected true or false'),
-    (Charuco, {'columns': 1}, 'columns: expected an integer of at least 2'),
+    (Charuco, {'columns': 2}, 'columns: expected an integer of at least 3, got 2'),
     (Marker, {'id': -1}, 'id: expected an integer of at least 0'),
     (Marker, {'dictionary': 4}, 'dictionary: expected OpenCV'),
     (Marker, {'size_m': 0}, 'size_m: expected a length > 0'),
     (MarkerGrid, {'separation_m': 0.0}, 'separation_m: expected a length > 0'),
     (MarkerGrid, {'first_id': 1.5}, 'first_id: expected an integer'),
+    (MarkerGrid, {'columns': 1, 'rows': 1}, 'columns: expected at least two markers'),
+    (MarkerGrid, {'rows': 1001}, 'rows: expected at most 1000, got 1001'),
+    (Chessboard, {'columns': 10**9}, 'columns: expected at most 1000, got 1000000000'),
+    (Chessboard, {'columns': 101, 'rows': 100}, 'columns: expected at most 10000 .* got 10100'),
 ]
 
 

@@ -41,6 +41,15 @@ def test_board_wants_an_ending_that_it_knows(tmp_path, capsys):
     assert err == f'p4pfr: {tmp_path}/board.gif: expected a name that ends in .pdf or .png\n'
 
 
+@pytest.mark.parametrize('dpi', ['2', '0.001'])
+def test_board_wants_a_resolution_that_shows_it(tmp_path, capsys, dpi):
+    path = tmp_path / 'board.png'
+    assert main(['board', CHESSBOARD, '-o', str(path), '--dpi', dpi]) == 1
+    assert capsys.readouterr().err == f'p4pfr: {path}: expected at least 20 dpi, got {dpi}\n'
+    assert not path.exists()
+    assert main(['board', CHESSBOARD, '-o', str(path), '--dpi', '20']) == 0
+
+
 def test_reader_who_leaves_early_is_no_crash(empty):
     with many_pictures(empty, 200) as process:
         process.stdout.readline()

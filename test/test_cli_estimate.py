@@ -154,7 +154,15 @@ def test_wrong_board_file_is_one_line(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    'wrong', [['--center', 'nan', '0'], ['--threshold', '0'], ['--seed', 'x'], ['--unknown']]
+    'wrong',
+    [
+        ['--center', 'nan', '0'],
+        ['--threshold', '0'],
+        ['--seed', 'x'],
+        ['--seed', '-5'],
+        ['--seed', '99999999999999999999999'],
+        ['--unknown'],
+    ],
 )
 def test_wrong_option_is_named(wrong, capsys):
     with pytest.raises(SystemExit) as exit_:

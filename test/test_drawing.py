@@ -10,8 +10,9 @@ from p4pfr_ros.boards import Marker
 from p4pfr_ros.core.camera import DivisionCamera
 from p4pfr_ros.core.solution import Solution
 from p4pfr_ros.detection import detect
-from p4pfr_ros.drawing import annotate, read_image, straighten, straightened_camera, write_image
+from p4pfr_ros.drawing import annotate, straighten, straightened_camera
 from p4pfr_ros.files import ConfigError
+from p4pfr_ros.image_files import read_image
 from p4pfr_ros.rendering import render
 from p4pfr_ros.rendering.pattern import black_rectangles
 from p4pfr_ros.rendering.printing import describe, print_board
@@ -109,46 +110,6 @@ def test_a_lens_that_sees_behind_itself_is_bounded():
     assert (picture == 77).all()
     with pytest.raises(ValueError, match='max_fov_deg must be within 1 to 170'):
         straightened_camera(camera, SIZE, max_fov_deg=180.0)
-
-
-def test_pictures_are_read_as_they_were_written(tmp_path):
-    colour = np.random.default_rng(3).integers(0, 256, (31, 17, 3), dtype=np.uint8)
-    write_image(tmp_path / 'a.png', colour)
-    np.testing.assert_array_equal(read_image(tmp_path / 'a.png'), colour)
-    write_image(tmp_path / 'b.jpg', PICTURE)
-    back = read_image(tmp_path / 'b.jpg')
-    assert back.shape == (480, 640, 3)
-    assert np.abs(back[..., 0].astype(int) - PICTURE).mean() < 2.0
-
-
-@pytest.mark.parametrize('ending', ['png', 'jpg'])
-def test_a_picture_cut_short_is_refused(tmp_path, ending, capfd):
-    whole = tmp_path / f'whole.{ending}'
-    write_image(whole, PICTURE)
-    for kept in (0.02, 0.5, 0.98):
-        short = tmp_path / f'short.{ending}'
-        short.write_bytes(whole.read_bytes()[: int(kept * whole.stat().st_size)])
-        with pytest.raises(ConfigError, match='expected a whole picture'):
-            read_image(short)
-    assert capfd.readouterr() == ('', '')
-
-
-def test_what_is_no_picture_is_refused(tmp_path, capfd):
-    for name, data in (
-        ('text.png', b'hello'),
-        ('empty.jpg', b''),
-        ('p.png', b'\x89PNG\r\n\x1a\n'),
-    ):
-        (tmp_path / name).write_bytes(data)
-        with pytest.raises(ConfigError, match=f'{name}: expected a '):
-            read_image(tmp_path / name)
-    with pytest.raises(ConfigError, match=r'none\.png: expected a readable picture: No such file'):
-        read_image(tmp_path / 'none.png')
-    with pytest.raises(ConfigError, match=r'expected a name that ends in \.png or \.jpg'):
-        write_image(tmp_path / 'a.xyz', PICTURE)
-    with pytest.raises(ConfigError, match='expected a place to write to: No such file'):
-        write_image(tmp_path / 'none/a.png', PICTURE)
-    assert capfd.readouterr() == ('', '')
 
 
 @pytest.mark.parametrize('name', BOARDS)

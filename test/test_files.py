@@ -50,6 +50,22 @@ def test_several_boards_keep_their_order(write):
     assert boards['tag'] == Marker(id=5, size_m=0.15, dictionary='DICT_APRILTAG_36h11', name='tag')
 
 
+def test_a_board_may_take_over_what_another_says(write):
+    """YAML's merge key, of one board or several; what is written itself comes first."""
+    boards = load_boards(
+        write(
+            """
+boards:
+  a: &a {type: chessboard, columns: 9, rows: 6, square_m: 0.025}
+  b: &b {<<: *a, rows: 7}
+  c: {square_m: 25.0e-3, <<: [*b, *a]}
+"""
+        )
+    )
+    assert boards['b'] == Chessboard(columns=9, rows=7, square_m=0.025, name='b')
+    assert boards['c'] == Chessboard(columns=9, rows=7, square_m=0.025, name='c')
+
+
 def test_one_board_is_expected_where_one_is_read(write):
     path = write(CHESSBOARD + TAG.split('boards:\n')[1])
     with pytest.raises(ConfigError, match='boards: expected one board, got 2: wall, tag'):
@@ -98,6 +114,12 @@ WRONG = {
     'nan': (CHESSBOARD.replace('0.025', '.nan'), 'boards.wall.square_m: expected a length > 0'),
     'bool': (CHESSBOARD.replace('0.025', 'yes'), 'boards.wall.square_m: .*got True'),
     'text length': (CHESSBOARD.replace('0.025', '25 mm'), "boards.wall.square_m: .*got '25 mm'"),
+    'power': (CHESSBOARD.replace('0.025', '25e-3'), r"got '25e-3' \(YAML wants 25.0e-3\)"),
+    'power, mm': (
+        CHESSBOARD.replace('square_m: 0.025', 'square_mm: 2.5e1'),
+        r"boards.wall.square_mm: .*got '2.5e1' \(YAML wants 2.5e\+1\)",
+    ),
+    'too many': (CHESSBOARD.replace('9', '1000000000'), 'boards.wall.columns: expected at most'),
     'bool count': (CHESSBOARD.replace('6', 'true'), 'boards.wall.rows: expected an integer'),
     'dictionary': (
         TAG.replace('36h11', '36h12'),

@@ -56,7 +56,7 @@ def third_parties(*folders):
                 tops |= {alias.name.split('.')[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom) and node.level == 0:
                 tops.add(node.module.split('.')[0])
-    return tops - set(sys.stdlib_module_names) - {'p4pfr_ros'}
+    return tops - set(sys.stdlib_module_names) - {'benchmarks', 'p4pfr_ros'}
 
 
 def test_one_version(package):

@@ -98,7 +98,8 @@ class Charuco:
     Parameters
     ----------
     columns, rows
-        Number of squares, as OpenCV counts for this kind of board; each at least 2.
+        Number of squares, as OpenCV counts for this kind of board; each at least 3, for there is
+        no pose from corners on one line.
     square_m, marker_m
         Sides of a square and of a marker (outer edge of its black border), metres.
     dictionary
@@ -125,7 +126,7 @@ class Charuco:
     name: str = 'board'
 
     def __post_init__(self) -> None:
-        check_counts(self, at_least=2)
+        check_counts(self, at_least=3)
         check_lengths(self, 'square_m', 'marker_m')
         if not self.marker_m < self.square_m:
             raise ValueError(

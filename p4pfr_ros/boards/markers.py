@@ -122,6 +122,8 @@ class MarkerGrid:
 
     def __post_init__(self) -> None:
         check_counts(self, at_least=1)
+        if self.columns * self.rows < 2:
+            raise ValueError('columns: expected at least two markers in all, got 1')
         check_lengths(self, 'marker_m', 'separation_m')
         check_id(self, 'first_id')
         check_dictionary(self)

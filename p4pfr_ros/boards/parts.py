@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from p4pfr_ros.core.geometry import Array
 
+_MOST_IN_A_ROW, _MOST_IN_ALL = 1000, 10_000
+
 
 def grid_points(columns: int, rows: int, step_m: float) -> Array:
     """Return (rows * columns, 2) points around the origin, row by row from the top left."""
@@ -35,11 +37,18 @@ def marker_corners_at(centres: Array, side_m: float) -> Array:
 
 
 def check_counts(board: Any, at_least: int) -> None:
-    """Refuse columns and rows that are no integers or too few."""
+    """Refuse columns and rows that are no integers, too few, or more than anybody prints."""
     for key in ('columns', 'rows'):
         value = getattr(board, key)
         if not _is_integer(value) or value < at_least:
             raise ValueError(f'{key}: expected an integer of at least {at_least}, got {value!r}')
+        if value > _MOST_IN_A_ROW:
+            raise ValueError(f'{key}: expected at most {_MOST_IN_A_ROW}, got {value}')
+    if board.columns * board.rows > _MOST_IN_ALL:
+        raise ValueError(
+            f'columns: expected at most {_MOST_IN_ALL} for columns times rows, '
+            f'got {board.columns * board.rows}'
+        )
 
 
 def check_lengths(board: Any, *keys: str) -> None:

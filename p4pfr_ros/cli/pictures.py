@@ -13,10 +13,9 @@ from p4pfr_ros.cli.answers import Answer, NoAnswer
 from p4pfr_ros.detection import detect
 from p4pfr_ros.drawing import annotate
 from p4pfr_ros.files import ConfigError
-from p4pfr_ros.image_files import read_image, write_image
+from p4pfr_ros.image_files import image_or_reason, write_image
 
 _SUFFIXES = {'.bmp', '.jpeg', '.jpg', '.pbm', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp'}
-_FEWEST_POINTS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,15 +77,12 @@ def answer_from(path: Path, question: Question) -> Answer | NoAnswer:
         The drawing cannot be written.
 
     """
-    try:
-        picture = read_image(path)
-    except ConfigError as error:
-        return NoAnswer(path, str(error).removeprefix(f'{path}: '))
+    picture = image_or_reason(path)
+    if isinstance(picture, str):
+        return NoAnswer(path, picture)
     detection = detect(picture, question.board)
-    count = len(detection.image_points)
-    if count < _FEWEST_POINTS:
-        few = f'only {count} points found, {_FEWEST_POINTS} are needed'
-        return NoAnswer(path, detection.reason or few)
+    if detection.reason:
+        return NoAnswer(path, detection.reason)
     height, width = picture.shape[:2]
     estimate = estimate_pose(
         detection.image_points,

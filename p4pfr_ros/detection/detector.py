@@ -17,6 +17,8 @@ from p4pfr_ros.detection.markers import find_markers
 
 # OpenCV's detectors fail on less, and no board could be told there.
 _SMALLEST_IMAGE_PX = 16
+# With fewer points there is no pose.
+_FEWEST_POINTS = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +35,7 @@ class Detection:
     ids : (N,) array
         Their indices in the board's ``points``.
     reason
-        Why nothing was found; empty when something was.
+        Why nothing was found, or too little for a pose (then N is 0); else empty.
 
     """
 
@@ -68,10 +70,13 @@ def detect(image: NDArray[np.uint8], board: Board) -> Detection:
         missing = f'no corner of a {board.columns}x{board.rows} ChArUco board found'
     else:
         ids, points, doubled = find_markers(grey, board)
-        missing = f'no {_what(board)} found'
+        missing = _missing(board)
         if doubled:
             missing = f'marker {doubled[0]} is seen more than once: which one is meant?'
-    return Detection(points, board.points[ids], ids) if len(ids) else _nothing(missing)
+    if 0 < len(ids) < _FEWEST_POINTS:
+        missing = f"only {len(ids)} of the board's points found, {_FEWEST_POINTS} are needed"
+    enough = len(ids) >= _FEWEST_POINTS
+    return Detection(points, board.points[ids], ids) if enough else _nothing(missing)
 
 
 def _as_grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -87,8 +92,8 @@ def _nothing(reason: str) -> Detection:
     return Detection(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=np.int64), reason)
 
 
-def _what(board: Marker | MarkerGrid) -> str:
+def _missing(board: Marker | MarkerGrid) -> str:
     if isinstance(board, Marker):
-        return f'marker {board.id} of {board.dictionary}'
+        return f'no marker {board.id} of {board.dictionary} found'
     first, last = board.marker_ids[0], board.marker_ids[-1]
-    return f'marker {first} to {last} of {board.dictionary}'
+    return f'none of the markers {first} to {last} of {board.dictionary} found'

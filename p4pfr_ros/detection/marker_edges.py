@@ -4,8 +4,8 @@ The corners of a marker from its four edges, each fitted along its whole length.
 
 A marker's corner itself says little: four pixels of it, rounded by the lens's blur. Its edges are
 long. In a strip along an edge the picture is modelled as  a + b tanh(s e),  with e the distance
-to a parabola, for a lens bends the edge (to a cubic where
-the edge is long); a marker's corner is where two such curves meet.
+to a parabola, for a lens bends the edge (to a cubic where the edge is long); a marker's corner is
+where two such curves meet.
 """
 
 from __future__ import annotations

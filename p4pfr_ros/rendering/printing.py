@@ -18,6 +18,8 @@ from p4pfr_ros.rendering.pattern import black_rectangles
 
 _MM_PER_INCH = 25.4
 _LARGEST_PX = 30_000
+# With fewer pixels there is neither a board nor the line of text.
+_LOWEST_DPI = 20.0
 # The line of text at the lower edge: so high, or so much of the margin, whichever is less.
 _TEXT_MM, _TEXT_IN_MARGIN = 2.5, 0.3
 _POINTS_PER_MM = 72.0 / _MM_PER_INCH
@@ -40,7 +42,8 @@ def print_board(board: Board, path: str | os.PathLike[str], *, dpi: float = 300.
     Raises
     ------
     ConfigError
-        Another ending, a place that cannot be written to, or more pixels than make sense.
+        Another ending, a place that cannot be written to, or a PNG of fewer or more pixels than
+        make sense.
     ValueError
         dpi is not positive, or this OpenCV does not have the board's markers.
 
@@ -52,6 +55,8 @@ def print_board(board: Board, path: str | os.PathLike[str], *, dpi: float = 300.
         raise ConfigError(f'{path}: expected a name that ends in .pdf or .png')
     page_mm = 1000.0 * np.array(board.sheet_size_m)
     if ending == '.png':
+        if dpi < _LOWEST_DPI:
+            raise ConfigError(f'{path}: expected at least {_LOWEST_DPI:g} dpi, got {dpi:g}')
         # Whole pixels; the pattern keeps its scale, the margin takes up the rest.
         page_px = np.ceil(page_mm / _MM_PER_INCH * dpi)
         if page_px.max() > _LARGEST_PX:
