@@ -1,4 +1,4 @@
-# Everything here needs Python 3.10 or later with venv, and nothing else: no ROS, no root.
+# Everything here needs Python 3.10 to 3.13 with venv, and nothing else: no ROS, no root.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -8,6 +8,14 @@ MADE := $(VENV)/.made-from-setup.py
 # ament's index of the wheels. A ROS that happens to be sourced must not mix with them.
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)
 unexport PYTHONPATH LD_LIBRARY_PATH RMW_IMPLEMENTATION
+
+# There are wheels of ROS for these.
+define CHECK_PYTHON
+import sys
+if not (3, 10) <= sys.version_info[:2] <= (3, 13):
+    sys.exit('expected Python 3.10 to 3.13, got %d.%d: make PYTHON=python3.12' % sys.version_info[:2])
+endef
+export CHECK_PYTHON
 
 .PHONY: help venv demo test lint colcon opencv46 clean
 help:
@@ -23,6 +31,7 @@ venv: $(MADE)
 
 # An editable install leaves data files out, so they are linked: it looks like any other prefix.
 $(MADE): setup.py
+	@$(PYTHON) -c "$$CHECK_PYTHON"
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --editable '.[ros,test,lint]'
 	mkdir -p $(VENV)/lib/p4pfr_ros $(VENV)/share/p4pfr_ros $(INDEX)
