@@ -58,9 +58,9 @@ def depth_cone(image: Array, radius: Array, m: Array, plane: Array, rays: Array)
             continue
         apart = 0.0
         for k in range(4):
-            entry = plane[l, k] / total if k != l else 0.0
-            apart += abs(entry - rays[0, k])
-            plane[l, k] = entry
+            plane[l, k] = plane[l, k] / total if k != l else 0.0
+            if found > 0:
+                apart += abs(plane[l, k] - rays[0, k])
         # With a point at the centre, or three of the board on a line, three of the rows are one
         # ray; take the pair that stands furthest apart.
         if found == 0 or apart > opening:
