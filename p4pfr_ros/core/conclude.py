@@ -11,7 +11,7 @@ import numpy as np
 from .ambiguity import MAX_OTHERS, other_optima
 from .geometry import Array
 from .jit import jit
-from .least_squares import minimise, normal_equations
+from .least_squares import minimise, normal_equations, truncated_cost
 from .prior import prior_cost
 from .problem import hypotheses, plausible, Problem, squared_errors
 from .ransac import ransac_room, RansacRoom
@@ -147,6 +147,8 @@ def _refined(
     cost = minimise(room.local, problem, limit, steps, _TOLERANCE, room.refine)
     if plausible(room.local, problem):
         row[:] = room.local
+    else:
+        cost = truncated_cost(row, problem, limit, math.inf)
     count, total = inliers_of(row, problem, limit, found.squares)
     variance, spare = measured_noise(
         problem, prior_cost(row, problem.prior), (count, total), limit, sigma_px
