@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from numpy.typing import ArrayLike
 
-from .answer import no_estimate
+from .answer import Answering, no_estimate
 from .camera import DivisionCamera
 from .estimate import PoseEstimate, RansacOptions, Stop
 from .estimation import Estimation
@@ -50,4 +50,4 @@ def estimate_pose(
     view = prepare(image_points, board_points, image_size, center_px, camera)
     if view.collinear:
         return no_estimate(Stop.COLLINEAR, len(view.image), 0)
-    return Estimation(view, camera, options or _DEFAULTS).run()
+    return Estimation(Answering(view, camera, options or _DEFAULTS)).run()
