@@ -21,22 +21,14 @@ from p4pfr_ros.core.normalise import board_duals, scale_image
 from p4pfr_ros.core.sextic import coefficients, evaluate, Factors, factors
 from p4pfr_ros.core.synthetic import instances
 
+from .style import STYLE
+
 _DOCS = Path(__file__).parent.parent / 'docs'
 
 # Chosen for four roots that can be told apart in a picture.
 _SEED = 188
 COLORS = ('#1f5fa8', '#d9722b', '#3a8f5c', '#8a4f9e')
 SHADE, INK = '#e8eef5', '#333333'
-
-STYLE: Any = {
-    'font.size': 9,
-    'axes.spines.top': False,
-    'axes.spines.right': False,
-    'axes.titlesize': 10,
-    'axes.titlelocation': 'left',
-    'legend.frameon': False,
-    'legend.fontsize': 8,
-}
 
 
 class Scene(NamedTuple):

@@ -12,18 +12,9 @@ import numpy as np
 from p4pfr_ros.core.geometry import Array
 
 from .published import QUANTILES, RESIDUALS
+from .style import STYLE
 
 BLUE, ORANGE, GREEN, GREY = '#1f5fa8', '#d9722b', '#3a8f5c', '#555555'
-
-_STYLE: Any = {
-    'font.size': 9,
-    'axes.spines.top': False,
-    'axes.spines.right': False,
-    'axes.titlesize': 10,
-    'axes.titlelocation': 'left',
-    'legend.frameon': False,
-    'legend.fontsize': 8,
-}
 
 # The scatter shows this many solutions at most, ever denser towards the horizon.
 _SHOWN = 4_000
@@ -42,7 +33,7 @@ class Residuals(NamedTuple):
 
 def draw_figure(found: Residuals, output: Path) -> None:
     """Draw three panels: the histogram, its tail, and what makes the tail."""
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(12.0, 4.3), layout='constrained')
         histogram, tail, cause = figure.subplots(1, 3)
         _draw_histogram(histogram, found)

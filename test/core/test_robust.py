@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``estimate_pose``: outliers, four points, a known camera, honesty, bad input."""
 
+from errors import deviation
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, Pose, RansacOptions, Stop
 from p4pfr_ros.core.geometry import rotation_angle_rad
@@ -105,15 +106,6 @@ def test_four_points_give_every_solution_ranked():
     found = [estimate.model, *estimate.alternatives]
     nearest = min(abs(s.camera.focal_px / drawn.camera.focal_px - 1.0) for s in found)
     assert nearest < 1e-6
-
-
-def deviation(found, truth):
-    """Return estimate minus truth (8,), in the covariance's order."""
-    turn = found.camera_from_board.rotation @ truth.camera_from_board.rotation.T
-    axial = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
-    moved = found.camera_from_board.translation - truth.camera_from_board.translation
-    focal_px = found.camera.focal_px - truth.camera.focal_px
-    return np.array([*moved, *np.multiply(0.5, axial), focal_px, found.camera.k - truth.camera.k])
 
 
 def test_covariance_is_honest(sample):
