@@ -35,7 +35,7 @@ from .solution import G, H, ROW_SIZE, Solution, solution_from_row, TRANSLATION
 # solution that has it at the farther one satisfies the equations, but not the projection.
 UNFOLDED = 1.0
 
-# A solution whose points miss their rays by a larger sine than this is none.
+# A solution that misses a point by more than this, as ``polish`` measures it, is none.
 _MAX_RESIDUAL = 1e-9
 
 

@@ -10,7 +10,7 @@ from .jit import kernel
 from .linear import copy_row, rotate, solve_in_place
 from .solution import G, H, TRANSLATION
 
-# The sine of the angle between ray and point that some eight roundings leave: no step below it.
+# The residual that some ten roundings leave: no step below it.
 _GOOD_ENOUGH = 2e-15
 
 # A step that does not lower the residual by so much was rounding's; each costs more than a root.
@@ -24,8 +24,9 @@ def polish(solution: Array, image: Array, board: Array, system: Array, trial: Ar
     Improve a solution in place and return its residual.
 
     image is (4, 2) and board (4, 2), both scaled to about 1; ``system`` (8, 9) and ``trial``
-    (ROW_SIZE,) are room to work in. The residual is the largest sine of the angles between
-    the pixels' rays and the points they should meet; infinite where it cannot be computed.
+    (ROW_SIZE,) are room to work in. The residual is the largest |P x ρ| / |P| of the points P and
+    the rays ρ that they should lie on: where the ray is long (telephoto) the displacement in the
+    image, else the sine of the angle. Infinite where a point is behind, or is not a number.
     """
     residual = _residual(solution, image, board)
     for _ in range(_MAX_STEPS):
