@@ -4,25 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-import dataclasses
-import difflib
-import math
 import os
 from pathlib import Path
-import re
 from typing import Any
 
-from p4pfr_ros.boards import Board, Charuco, Chessboard, Marker, MarkerGrid
+from p4pfr_ros.board_fields import boards_from
+from p4pfr_ros.boards import Board
 import yaml
 
-_TYPES: dict[str, type[Board]] = {
-    'chessboard': Chessboard,
-    'charuco': Charuco,
-    'marker': Marker,
-    'marker_grid': MarkerGrid,
-}
-_PER_METRE = {'m': 1.0, 'mm': 1000.0}
-_POWER = re.compile(r'(\d+)(\.\d*)?[eE]([-+]?)(\d+)')
 _MERGE = 'tag:yaml.org,2002:merge'
 
 
@@ -53,8 +42,9 @@ def load_boards(path: str | os.PathLike[str]) -> dict[str, Board]:
     Read the boards of a file, by name.
 
     The file's one key ``boards`` maps names to boards. A board's key ``type`` says which class it
-    is (chessboard, charuco, marker, marker_grid); its other keys are the fields of that class,
-    where a length may be given in metres (``square_m``) or millimetres (``square_mm``).
+    is (chessboard, charuco, marker, marker_grid, bundle); its other keys are the fields of that
+    class, where a length may be given in metres (``square_m``) or millimetres (``square_mm``).
+    No two boards of a file look alike: a picture tells which of them it shows.
 
     Raises
     ------
@@ -62,122 +52,25 @@ def load_boards(path: str | os.PathLike[str]) -> dict[str, Board]:
         The file cannot be read, or is not such a file: says where and what was expected.
 
     """
-    tree = _read_yaml(Path(path))
+    tree = read_yaml(path)
     try:
-        return _boards_from(tree)
+        return boards_from(tree)
     except ValueError as error:
         raise ConfigError(f'{path}: {error}') from None
 
 
-def _boards_from(tree: object) -> dict[str, Board]:
-    if tree is None:
-        raise ValueError("expected a key 'boards', got an empty file")
-    if not isinstance(tree, dict):
-        raise ValueError(f"expected a key 'boards', got {_kind(tree)}")
-    _reject_unknown(tree, ['boards'], prefix='')
-    boards = tree.get('boards')
-    if not isinstance(boards, dict) or not boards:
-        raise ValueError(f'boards: expected names of boards, got {_kind(boards)}')
-    return {name: _board_from(name, fields) for name, fields in boards.items()}
+def read_yaml(path: str | os.PathLike[str]) -> object:
+    """
+    Read what a YAML file holds, in which no key stands twice.
 
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or is no such YAML.
 
-def _board_from(name: object, given: object) -> Board:
-    path = f'boards.{name}'
-    if not isinstance(name, str):
-        raise ValueError(f'{path}: expected a word as the name, got {_kind(name)}')
-    if not isinstance(given, dict):
-        raise ValueError(f'{path}: expected keys such as type, got {_kind(given)}')
-    kind = _choose_type(given, path)
-    fields = {f.name: f for f in dataclasses.fields(kind) if f.name != 'name'}
-    values = _in_metres({key: v for key, v in given.items() if key != 'type'}, list(fields), path)
-    for field in fields.values():
-        if field.name not in values and field.default is dataclasses.MISSING:
-            unit = f' (or {field.name}m, in millimetres)' if field.name.endswith('_m') else ''
-            raise ValueError(f'{path}.{field.name}: expected a value, got none{unit}')
+    """
     try:
-        board = kind(name=name, **values)
-        if board.marker_ids:
-            # OpenCV is behind it, which takes a while.
-            from p4pfr_ros.detection.aruco import check_markers
-
-            check_markers(board)
-        return board
-    except ValueError as error:
-        raise ValueError(f'{path}.{error}') from None
-
-
-def _choose_type(given: dict[Any, Any], path: str) -> type[Board]:
-    kind = given.get('type')
-    if not isinstance(kind, str) or kind not in _TYPES:
-        got = 'none' if 'type' not in given else repr(kind)
-        raise ValueError(
-            f'{path}.type: expected one of {", ".join(_TYPES)}, got {got}'
-            + _suggest(kind, list(_TYPES))
-        )
-    return _TYPES[kind]
-
-
-def _in_metres(given: dict[Any, Any], fields: list[str], path: str) -> dict[str, Any]:
-    """Return the values by the names of fields, lengths turned into metres."""
-    lengths = [name for name in fields if name.endswith('_m')]
-    values: dict[str, Any] = {}
-    for key, value in given.items():
-        stem, _, unit = str(key).rpartition('_')
-        field = f'{stem}_m' if f'{stem}_m' in lengths and unit in _PER_METRE else str(key)
-        if f'{key}_m' in lengths:
-            raise ValueError(f'{path}.{key}: expected a unit: {key}_m or {key}_mm, got {key}')
-        if field not in fields:
-            _reject_unknown({key: value}, ['type', *fields], prefix=f'{path}.')
-        if field in values:
-            raise ValueError(f'{path}.{key}: expected one of {stem}_m and {stem}_mm, got both')
-        values[field] = _length(value, f'{path}.{key}', unit) if field in lengths else value
-    return values
-
-
-def _length(value: object, path: str, unit: str) -> float:
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not 0.0 < value < math.inf:  # type: ignore[operator]
-        raise ValueError(
-            f'{path}: expected a length > 0 in {unit}, got {value!r}{_power_hint(value)}'
-        )
-    return float(value) / _PER_METRE[unit]  # type: ignore[arg-type]
-
-
-def _power_hint(value: object) -> str:
-    """Say how YAML 1.1 wants a power of ten, which it takes for text if anything is missing."""
-    power = _POWER.fullmatch(value) if isinstance(value, str) else None
-    if power is None:
-        return ''
-    whole, fraction, sign, exponent = power.groups()
-    return f' (YAML wants {whole}{fraction or ".0"}e{sign or "+"}{exponent})'
-
-
-def _reject_unknown(given: dict[Any, Any], known: list[str], prefix: str) -> None:
-    for key in given:
-        if key not in known:
-            raise ValueError(
-                f'{prefix}{key}: unknown key, expected one of {", ".join(known)}'
-                + _suggest(key, known)
-            )
-
-
-def _suggest(word: object, known: list[str]) -> str:
-    near = difflib.get_close_matches(str(word), known, n=1)
-    return f' (did you mean {near[0]}?)' if near else ''
-
-
-def _kind(value: object) -> str:
-    """Say what a YAML value is, in a user's words."""
-    if value is None:
-        return 'nothing'
-    if isinstance(value, dict):
-        return 'keys and values' if value else 'no key'
-    return 'a list' if isinstance(value, list) else repr(value)
-
-
-def _read_yaml(path: Path) -> object:
-    try:
-        with path.open(encoding='utf-8') as file:
+        with Path(path).open(encoding='utf-8') as file:
             return yaml.load(file, Loader=_StrictLoader)
     except OSError as error:
         raise ConfigError(f'{path}: expected a readable file: {error.strerror}') from None

@@ -2,7 +2,7 @@
 """Boards, cameras and poses that the tests of the image side look at."""
 
 import numpy as np
-from p4pfr_ros.boards import Charuco, Chessboard, Marker, MarkerGrid
+from p4pfr_ros.boards import Bundle, Charuco, Chessboard, Marker, MarkerGrid, PlacedMarker
 from p4pfr_ros.core.camera import DivisionCamera
 from p4pfr_ros.core.geometry import Pose
 
@@ -25,6 +25,15 @@ BOARDS = {
     'marker': Marker(id=3, size_m=0.15, dictionary='DICT_APRILTAG_36h11'),
     'marker_grid': MarkerGrid(
         columns=4, rows=3, marker_m=0.05, separation_m=0.0125, dictionary='DICT_6X6_250'
+    ),
+    'bundle': Bundle(
+        markers=(
+            PlacedMarker(id=9, x_m=0.05, y_m=0.03, size_m=0.08, angle_deg=30.0),
+            PlacedMarker(id=2, x_m=-0.06, y_m=0.02, size_m=0.06),
+            PlacedMarker(id=5, x_m=-0.02, y_m=-0.055, size_m=0.045, angle_deg=-100.0),
+            PlacedMarker(id=586, x_m=0.06, y_m=-0.06, size_m=0.04, angle_deg=165.0),
+        ),
+        dictionary='DICT_APRILTAG_36h11',
     ),
 }
 CAMERAS = {

@@ -2,9 +2,10 @@
 from board_views import BOARDS
 import cv2
 import numpy as np
-from p4pfr_ros.boards import Charuco, Marker, MarkerGrid
+from p4pfr_ros.boards import Bundle, Charuco, Marker, MarkerGrid, PlacedMarker
+from p4pfr_ros.boards.parts import code_family
 from p4pfr_ros.detection.aruco import check_markers, detect_markers, dictionary_names, marker_cells
-from p4pfr_ros.rendering.pattern import black_rectangles
+from p4pfr_ros.rendering.pattern import black_quads
 from p4pfr_ros.rendering.rasterizer import coverage
 import pytest
 
@@ -69,6 +70,15 @@ def test_ids_end_where_the_dictionary_ends():
     check_markers(MarkerGrid(**grid, dictionary=DICTIONARY, first_id=30))
     with pytest.raises(ValueError, match=r'first_id: expected ids up to 49, .*got 50'):
         check_markers(MarkerGrid(**grid, dictionary=DICTIONARY, first_id=31))
+    with pytest.raises(ValueError, match=r'markers: expected ids up to 49, .*got 50'):
+        check_markers(
+            Bundle(
+                markers=tuple(
+                    PlacedMarker(id=n, x_m=float(n), y_m=0.0, size_m=0.5) for n in (3, 50, 7)
+                ),
+                dictionary=DICTIONARY,
+            )
+        )
     with pytest.raises(ValueError, match='id: expected ids up to 49'):
         check_markers(Marker(id=50, size_m=0.1, dictionary=DICTIONARY))
     with pytest.raises(ValueError, match='columns: expected ids up to 49'):
@@ -77,9 +87,28 @@ def test_ids_end_where_the_dictionary_ends():
         )
 
 
+@pytest.mark.parametrize('bits', [4, 5, 6, 7])
+def test_a_small_dictionary_is_the_beginning_of_a_large_one(bits):
+    """So boards in both may look alike."""
+    sizes = (50, 100, 250, 1000)
+    names = [f'DICT_{bits}X{bits}_{size}' for size in sizes]
+    for name, size in zip(names, sizes, strict=True):
+        for marker_id in (0, 17, size - 1):
+            np.testing.assert_array_equal(
+                marker_cells(name, marker_id), marker_cells(names[-1], marker_id)
+            )
+    assert {code_family(name) for name in names} == {f'DICT_{bits}X{bits}'}
+
+
+def test_other_dictionaries_have_codes_of_their_own():
+    names = [name for name in dictionary_names() if 'APRILTAG' in name.upper()]
+    assert len({code_family(name) for name in names}) == len({name.upper() for name in names})
+    assert code_family('DICT_ARUCO_ORIGINAL') == 'DICT_ARUCO_ORIGINAL'
+
+
 def test_a_marker_that_the_dictionary_lacks_has_no_pattern():
     with pytest.raises(ValueError, match='id: expected ids up to 49'):
-        black_rectangles(Marker(id=50, size_m=0.1, dictionary=DICTIONARY))
+        black_quads(Marker(id=50, size_m=0.1, dictionary=DICTIONARY))
 
 
 def opencv_charuco(board, size_px):
@@ -114,18 +143,18 @@ def test_charuco_pattern_is_opencvs(columns, rows, legacy):
 
 def covered(board, px_per_m, size_px):
     """Return how black each pixel of a head-on view of the bare pattern is."""
-    left, bottom, right, top = (px_per_m * black_rectangles(board) * [1, -1, 1, -1]).T
-    middle_x, middle_y = 0.5 * size_px[0] - 0.5, 0.5 * size_px[1] - 0.5
-    x0, x1, y0, y1 = left + middle_x, right + middle_x, top + middle_y, bottom + middle_y
-    sides = [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
-    return coverage(np.concatenate([np.stack(side, axis=1) for side in sides]), size_px)
+    corners = px_per_m * black_quads(board) * [1, -1] + 0.5 * np.array(size_px) - 0.5
+    sides = np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2)
+    return coverage(sides.reshape(-1, 4), size_px)
 
 
 @pytest.mark.parametrize('name', BOARDS)
-def test_rectangles_do_not_overlap(name):
+def test_quads_are_clockwise_and_do_not_overlap(name):
     board = BOARDS[name]
     size_px = tuple(int(2000 * side) for side in board.sheet_size_m)
     black = covered(board, 2000.0, size_px)
-    left, bottom, right, top = black_rectangles(board).T
+    along, down = np.diff(black_quads(board)[:, :3], axis=1).transpose(1, 2, 0)
+    areas = along[1] * down[0] - along[0] * down[1]
+    assert (areas > 0.0).all()
     assert black.max() < 1.0 + 1e-9
-    assert black.sum() == pytest.approx(2000.0**2 * np.sum((right - left) * (top - bottom)))
+    assert black.sum() == pytest.approx(2000.0**2 * areas.sum())

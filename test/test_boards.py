@@ -3,15 +3,16 @@ import dataclasses
 
 from board_views import BOARDS
 import numpy as np
-from p4pfr_ros.boards import Charuco, Chessboard, Marker, MarkerGrid
+from p4pfr_ros.boards import Bundle, Charuco, Chessboard, Marker, MarkerGrid, PlacedMarker
 import pytest
 
 every_board = pytest.mark.parametrize('board', BOARDS.values(), ids=BOARDS)
 
 
 @every_board
-def test_frame_is_in_the_middle_of_the_pattern(board):
-    np.testing.assert_allclose(board.points.mean(axis=0), 0.0, atol=1e-15)
+def test_frame_is_in_the_middle_of_the_sheet(board):
+    if not isinstance(board, Bundle):  # whose file says where it is
+        np.testing.assert_allclose(board.points.mean(axis=0), 0.0, atol=1e-15)
     printed = np.concatenate([board.black_squares.reshape(-1, 2), *board.marker_corners])
     reach = np.abs(printed).max(axis=0)
     assert np.all(np.abs(board.points) <= reach + 1e-12)
@@ -71,6 +72,68 @@ def test_marker_grid_counts_row_by_row_from_its_first_id():
     np.testing.assert_allclose(centres[[0, 2, 3]], [[-1.5, 0.75], [1.5, 0.75], [-1.5, -0.75]])
 
 
+PLACED = PlacedMarker(id=1, x_m=0.0, y_m=0.0, size_m=1.0)
+
+
+def bundle(*places, size_m=1.0):
+    """Make a bundle of markers with the ids 0, 1, ... at (x, y, angle_deg)."""
+    markers = tuple(
+        PlacedMarker(id=n, x_m=x, y_m=y, size_m=size_m, angle_deg=angle)
+        for n, (x, y, angle) in enumerate(places)
+    )
+    return Bundle(markers=markers, dictionary='DICT_4X4_50')
+
+
+def test_markers_of_a_bundle_lie_where_they_are_placed():
+    corners = bundle((5.0, -2.0, 0.0), (1.0, 3.0, 90.0), size_m=2.0).marker_corners
+    np.testing.assert_allclose(corners[0], [[4, -1], [6, -1], [6, -3], [4, -3]])
+    # A quarter turn counter-clockwise takes the top left to the bottom left.
+    np.testing.assert_allclose(corners[1], [[0, 2], [0, 4], [2, 4], [2, 2]], atol=1e-15)
+
+
+def test_a_bundles_sheet_holds_all_of_it_around_its_origin():
+    board = bundle((5.0, -2.0, 0.0), (1.0, 3.0, 0.0), size_m=2.0)
+    assert board.sheet_size_m == (2 * 6.5, 2 * 4.5)
+
+
+def test_no_id_stands_twice_in_a_bundle():
+    again = dataclasses.replace(PLACED, x_m=5.0)
+    with pytest.raises(ValueError, match='markers: expected each id once, got 1 2 times'):
+        Bundle(markers=(PLACED, again), dictionary='DICT_4X4_50')
+
+
+@pytest.mark.parametrize(
+    'place',
+    [
+        (0.0, 0.0, 0.0),
+        (0.99, 0.0, 0.0),
+        (1.0, 0.0, 0.0),  # no white between them
+        (0.0, -1.0, 90.0),
+        (0.8, 0.8, 0.0),
+        (0.8, 0.8, 45.0),  # corner in the middle of a side
+        (1.2, 0.0, 45.0),
+        (0.3, 0.2, 20.0),
+    ],
+    ids=str,
+)
+def test_markers_of_a_bundle_that_overlap_are_refused(place):
+    apart = (9.0, 9.0, 0.0)
+    with pytest.raises(ValueError, match=r'between any two, got 0 and 2, which touch or overlap'):
+        bundle((0.0, 0.0, 0.0), apart, place)
+    # Turned as a whole, nothing changes.
+    x, y, angle = place
+    turned = (0.6 * x - 0.8 * y, 0.8 * x + 0.6 * y, angle + np.degrees(np.arctan2(0.8, 0.6)))
+    with pytest.raises(ValueError, match='got 0 and 2'):
+        bundle((0.0, 0.0, np.degrees(np.arctan2(0.8, 0.6))), apart, turned)
+
+
+@pytest.mark.parametrize(
+    'place', [(1.001, 0.0, 0.0), (0.9, 0.9, 45.0), (1.208, 0.0, 45.0), (1.001, 1.001, 0.0)]
+)
+def test_markers_of_a_bundle_may_be_near(place):
+    assert len(bundle((0.0, 0.0, 0.0), place).points) == 8
+
+
 WRONG = [
     (Chessboard, {'columns': 2}, 'columns: expected an integer of at least 3, got 2'),
     (Chessboard, {'columns': True}, 'columns: expected an integer'),
@@ -83,6 +146,13 @@ WRONG = [
     (Charuco, {'marker_m': 0.035}, 'marker_m: expected less than square_m = 0.035'),
     (Charuco, {'legacy_pattern': 1}, 'legacy_pattern: expected true or false'),
     (Charuco, {'columns': 2}, 'columns: expected an integer of at least 3, got 2'),
+    (Bundle, {'markers': ()}, 'markers: expected 1 to 2500, got 0'),
+    (Bundle, {'name': 7}, 'name: expected a word'),
+    (PlacedMarker, {'id': True}, 'id: expected an integer of at least 0, got True'),
+    (PlacedMarker, {'size_m': -1.0}, 'size_m: expected a length > 0'),
+    (PlacedMarker, {'x_m': float('nan')}, 'x_m: expected a finite number, got nan'),
+    (PlacedMarker, {'y_m': '1'}, "y_m: expected a finite number, got '1'"),
+    (PlacedMarker, {'angle_deg': float('inf')}, 'angle_deg: expected a finite number, got inf'),
     (Marker, {'id': -1}, 'id: expected an integer of at least 0'),
     (Marker, {'dictionary': 4}, 'dictionary: expected OpenCV'),
     (Marker, {'size_m': 0}, 'size_m: expected a length > 0'),
@@ -97,6 +167,6 @@ WRONG = [
 
 @pytest.mark.parametrize(('kind', 'change', 'message'), WRONG)
 def test_wrong_numbers_are_refused(kind, change, message):
-    right = next(board for board in BOARDS.values() if type(board) is kind)
+    right = next(board for board in [*BOARDS.values(), PLACED] if type(board) is kind)
     with pytest.raises(ValueError, match=message):
         dataclasses.replace(right, **change)

@@ -14,7 +14,7 @@ from p4pfr_ros.drawing import annotate, straighten, straightened_camera
 from p4pfr_ros.files import ConfigError
 from p4pfr_ros.image_files import read_image
 from p4pfr_ros.rendering import render
-from p4pfr_ros.rendering.pattern import black_rectangles
+from p4pfr_ros.rendering.pattern import black_quads
 from p4pfr_ros.rendering.printing import describe, print_board
 import pytest
 
@@ -142,13 +142,13 @@ def test_a_printed_pdf_is_to_scale(tmp_path, name):
     points_per_m = 72.0 / 0.0254
     page = np.array([float(side) for side in box.groups()])
     np.testing.assert_allclose(page, points_per_m * np.array(board.sheet_size_m), rtol=1e-6)
-    # Each rectangle begins with "x y m" (its top or bottom left) in the page's content.
+    # Each quad begins with "x y m" (its first corner) in the page's content.
     starts = [
         [float(n) for n in found]
         for content in streams(data)
         for found in re.findall(rb'([\d.-]+) ([\d.-]+) m\n', content)
     ]
-    wanted = 0.5 * page + points_per_m * black_rectangles(board)[:, :2]
+    wanted = 0.5 * page + points_per_m * black_quads(board)[:, 0]
     for corner in wanted:
         assert np.abs(np.array(starts) - corner).max(axis=1).min() < 1e-3
     print_board(board, tmp_path / 'again.pdf')
@@ -187,3 +187,4 @@ def test_descriptions_name_the_sizes():
     assert 'markers 22 mm, DICT_5X5_100, legacy pattern' in describe(BOARDS['charuco_legacy'])
     assert describe(BOARDS['marker']) == 'board: marker 3 of DICT_APRILTAG_36h11, side 150 mm'
     assert 'gaps 12.5 mm, DICT_6X6_250 from 0' in describe(BOARDS['marker_grid'])
+    assert describe(BOARDS['bundle']) == 'board: bundle of 4 markers of DICT_APRILTAG_36h11'

@@ -7,7 +7,7 @@ from p4pfr_ros.boards import Marker
 from p4pfr_ros.core.camera import DivisionCamera
 from p4pfr_ros.core.geometry import Pose
 from p4pfr_ros.rendering import render, Renderer
-from p4pfr_ros.rendering.pattern import black_rectangles
+from p4pfr_ros.rendering.pattern import black_quads
 from p4pfr_ros.rendering.rasterizer import coverage
 import pytest
 
@@ -44,7 +44,7 @@ def test_coverage_cuts_at_the_pictures_sides():
 
 
 @pytest.mark.parametrize('camera', CAMERAS.values(), ids=CAMERAS)
-@pytest.mark.parametrize('name', ['chessboard', 'marker'])
+@pytest.mark.parametrize('name', ['chessboard', 'marker', 'bundle'])
 def test_pixels_are_the_scenes_mean(name, camera):
     """Against brute force: rays through 16 x 16 places of each of some hundred pixels."""
     board = BOARDS[name]
@@ -69,9 +69,12 @@ def grey_levels(board, camera, pose, places):
     eye = pose.inverse().translation
     points = (eye - rays * (eye[2] / rays[..., 2:]))[..., :2]
     levels = np.where((2 * np.abs(points) < board.sheet_size_m).all(axis=-1), 220.0, 110.0)
-    for left, bottom, right, top in black_rectangles(board):
-        x, y = points[..., 0], points[..., 1]
-        levels[(x > left) & (x < right) & (y > bottom) & (y < top)] = 25.0
+    for corners in black_quads(board):
+        along, down = corners[1] - corners[0], corners[3] - corners[0]
+        u, v = (
+            np.sum((points - corners[0]) * side, axis=-1) / (side @ side) for side in (along, down)
+        )
+        levels[(u > 0.0) & (u < 1.0) & (v > 0.0) & (v < 1.0)] = 25.0
     return levels
 
 

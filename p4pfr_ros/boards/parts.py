@@ -5,12 +5,16 @@ from __future__ import annotations
 
 import math
 from numbers import Integral, Real
+import re
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+from p4pfr_ros.boards.conventions import CORNER_ORDERS
 from p4pfr_ros.core.geometry import Array
 
 _MOST_IN_A_ROW, _MOST_IN_ALL = 1000, 10_000
+_HOW_MANY = re.compile(r'(?<=\dX\d)_\d+$')
 
 
 def grid_points(columns: int, rows: int, step_m: float) -> Array:
@@ -29,11 +33,27 @@ def checkers(columns: int, rows: int, side_m: float, *, black_first: bool) -> Ar
     return np.concatenate([centres - 0.5 * side_m, centres + 0.5 * side_m], axis=1)
 
 
-def marker_corners_at(centres: Array, side_m: float) -> Array:
-    """Return the corners (N, 4, 2) of markers at centres (N, 2), clockwise from the top left."""
-    clockwise = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
-    corners: Array = centres[:, None] + side_m * clockwise
+def marker_corners_at(centres: Array, side_m: ArrayLike, turn_rad: ArrayLike = 0.0) -> Array:
+    """
+    Return the corners (N, 4, 2) of markers at centres (N, 2), clockwise from the top left.
+
+    Sides and turns (counter-clockwise, as the viewer sees it) are one for all, or (N,).
+    """
+    side, turn = (np.broadcast_to(each, len(centres))[:, None] for each in (side_m, turn_rad))
+    x, y = np.array(CORNER_ORDERS['aruco_cw_from_top_left']).T
+    cos, sin = np.cos(turn), np.sin(turn)
+    offsets = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    corners: Array = centres[:, None] + side[..., None] * offsets
     return corners
+
+
+def code_family(dictionary: str) -> str:
+    """
+    Name the set of codes that a dictionary of OpenCV's is taken from.
+
+    DICT_4X4_50 is the beginning of DICT_4X4_100: a marker of both has the same id and picture.
+    """
+    return _HOW_MANY.sub('', dictionary.upper())
 
 
 def check_counts(board: Any, at_least: int) -> None:
@@ -59,6 +79,15 @@ def check_lengths(board: Any, *keys: str) -> None:
         # Written so that NaN fails too.
         if not is_number or not 0.0 < value < math.inf:
             raise ValueError(f'{key}: expected a length > 0 (metres), got {value!r}')
+
+
+def check_numbers(board: Any, *keys: str) -> None:
+    """Refuse what is no finite number."""
+    for key in keys:
+        value = getattr(board, key)
+        is_number = isinstance(value, Real) and not isinstance(value, bool)
+        if not is_number or not math.isfinite(value):
+            raise ValueError(f'{key}: expected a finite number, got {value!r}')
 
 
 def check_id(board: Any, key: str) -> None:

@@ -15,12 +15,20 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros.boards import Board
+from p4pfr_ros.boards import Board, Bundle, Charuco, Marker, MarkerGrid
 from p4pfr_ros.core.geometry import Array, Ints
 
 # Type information knows the newer of the two only. Without contrib, 4.6 has no such module.
 _aruco: Any = getattr(cv2, 'aruco', None)
 _HAS_CLASSES = hasattr(_aruco, 'ArucoDetector')
+
+# Which of a board's keys is to blame for an id that its dictionary lacks.
+_KEYS: dict[type[Any], str] = {
+    Marker: 'id',
+    MarkerGrid: 'first_id',
+    Charuco: 'columns',
+    Bundle: 'markers',
+}
 
 
 def dictionary_names() -> list[str]:
@@ -41,11 +49,10 @@ def check_markers(board: Board) -> None:
     if not board.marker_ids:
         return
     largest = len(_dictionary(board.dictionary).bytesList) - 1  # type: ignore[union-attr]
-    if board.marker_ids[-1] > largest:
-        key = {'Marker': 'id', 'MarkerGrid': 'first_id'}.get(type(board).__name__, 'columns')
+    if max(board.marker_ids) > largest:
         raise ValueError(
-            f'{key}: expected ids up to {largest}, which is where {board.dictionary} ends, '  # type: ignore[union-attr]
-            f'got {board.marker_ids[-1]}'
+            f'{_KEYS[type(board)]}: expected ids up to {largest}, which is where '
+            f'{board.dictionary} ends, got {max(board.marker_ids)}'  # type: ignore[union-attr]
         )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros.boards import Board, Charuco, Chessboard, Marker, MarkerGrid
+from p4pfr_ros.boards import Board, Bundle, Charuco, Chessboard, Marker, MarkerBoard
 from p4pfr_ros.core.geometry import Array, Ints
 from p4pfr_ros.detection.aruco import check_markers
 from p4pfr_ros.detection.charuco import find_charuco
@@ -92,8 +92,10 @@ def _nothing(reason: str) -> Detection:
     return Detection(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=np.int64), reason)
 
 
-def _missing(board: Marker | MarkerGrid) -> str:
+def _missing(board: MarkerBoard) -> str:
     if isinstance(board, Marker):
         return f'no marker {board.id} of {board.dictionary} found'
+    if isinstance(board, Bundle):
+        return f'none of the {len(board.markers)} markers of {board.name} found'
     first, last = board.marker_ids[0], board.marker_ids[-1]
     return f'none of the markers {first} to {last} of {board.dictionary} found'

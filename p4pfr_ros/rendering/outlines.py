@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the outlines of a board's rectangles lie in a picture, as the lens bends them."""
+"""Where the outlines of a board's shapes lie in a picture, as the lens bends them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NEAREST = 1e-3
 
 class Outlines:
     """
-    A camera that sees rectangles of a board as closed polygons.
+    A camera that sees shapes of four corners on a board as closed polygons.
 
     Parameters
     ----------
@@ -31,15 +31,14 @@ class Outlines:
         self._camera = camera
         self._edge_px = _edge_of_sight_px(camera, *image_size)
 
-    def edges(self, rectangles: Array, camera_from_board: Pose) -> Array:
+    def edges(self, quads: Array, camera_from_board: Pose) -> Array:
         """
         Return the polygons' edges (M, 4): x0, y0, x1, y1 px.
 
-        Rectangles (N, 4) are left, bottom, right, top in metres of the board's frame. Seen from
-        the front, their outlines turn clockwise in the picture.
+        Quads (N, 4, 2) are corners in metres of the board's frame, clockwise. Seen from the
+        front, their outlines turn clockwise in the picture too.
         """
-        corners = _corners(rectangles)
-        points = camera_from_board.transform(np.pad(corners, ((0, 0), (0, 0), (0, 1))))
+        points = camera_from_board.transform(np.pad(quads, ((0, 0), (0, 0), (0, 1))))
         nearest = _NEAREST * float(np.linalg.norm(camera_from_board.translation))
         before = (points[..., 2] >= nearest).all(axis=1)
         whole = _sides(points[before])
@@ -83,13 +82,6 @@ def _edge_of_sight_px(camera: DivisionCamera, width: int, height: int) -> float:
     rays = camera.unproject(np.stack([radii, np.zeros_like(radii)], axis=1) + camera.center_px)
     falls = np.diff(np.arctan2(rays[:, 0], rays[:, 2])) <= 0.0
     return float(radii[np.argmax(falls)]) if falls.any() else outside
-
-
-def _corners(rectangles: Array) -> Array:
-    """Return rectangles' corners (N, 4, 2), clockwise from the top left."""
-    left, bottom, right, top = rectangles.T
-    corners = [(left, top), (right, top), (right, bottom), (left, bottom)]
-    return np.stack([np.stack(corner, axis=1) for corner in corners], axis=1)
 
 
 def _sides(polygons: Array) -> Array:

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 import numpy as np
-from p4pfr_ros.boards import Board, Charuco, Chessboard, Marker
+from p4pfr_ros.boards import Board, Bundle, Charuco, Chessboard, Marker
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.files import ConfigError
-from p4pfr_ros.rendering.pattern import black_rectangles
+from p4pfr_ros.rendering.pattern import black_quads
 
 _MM_PER_INCH = 25.4
 _LARGEST_PX = 30_000
@@ -88,6 +88,8 @@ def describe(board: Board) -> str:
         )
     elif isinstance(board, Marker):
         what = f'marker {board.id} of {board.dictionary}, side {_mm(board.size_m)}'
+    elif isinstance(board, Bundle):
+        what = f'bundle of {len(board.markers)} markers of {board.dictionary}'
     else:
         what = (
             f'marker grid {board.columns}x{board.rows}, markers {_mm(board.marker_m)}, '
@@ -108,11 +110,11 @@ def _page(board: Board, page_mm: Array) -> Figure:
     axes.set_xlim(-0.5 * width_mm, 0.5 * width_mm)
     axes.set_ylim(-0.5 * height_mm, 0.5 * height_mm)
     axes.set_axis_off()
-    rectangles_mm = 1000.0 * black_rectangles(board)
+    quads_mm = 1000.0 * black_quads(board)
     # One shape: cells drawn one by one would show hairlines where they touch.
-    shape = Outline.make_compound_path(*(_outline(*rectangle) for rectangle in rectangles_mm))
+    shape = Outline.make_compound_path(*(_outline(quad) for quad in quads_mm))
     axes.add_patch(PathPatch(shape, facecolor='black', linewidth=0.0, snap=False))
-    margin_mm = 0.5 * height_mm + float(rectangles_mm[:, 1].min())
+    margin_mm = 0.5 * height_mm + float(quads_mm[..., 1].min())
     text = f'{describe(board)}. Print at 100 %.'
     # A letter is about half as wide as high.
     size_mm = min(_TEXT_MM, _TEXT_IN_MARGIN * margin_mm, 0.9 * width_mm / (0.55 * len(text)))
@@ -128,6 +130,5 @@ def _page(board: Board, page_mm: Array) -> Figure:
     return figure
 
 
-def _outline(left: float, bottom: float, right: float, top: float) -> Outline:
-    corners = [(left, bottom), (right, bottom), (right, top), (left, top), (left, bottom)]
-    return Outline(corners, closed=True)
+def _outline(corners: Array) -> Outline:
+    return Outline(np.concatenate([corners, corners[:1]]), closed=True)

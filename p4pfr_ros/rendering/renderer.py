@@ -12,7 +12,7 @@ from p4pfr_ros.boards import Board
 from p4pfr_ros.core.camera import DivisionCamera
 from p4pfr_ros.core.geometry import Array, Pose
 from p4pfr_ros.rendering.outlines import Outlines
-from p4pfr_ros.rendering.pattern import black_rectangles
+from p4pfr_ros.rendering.pattern import black_quads, quads
 from p4pfr_ros.rendering.rasterizer import coverage
 
 
@@ -141,19 +141,19 @@ class Renderer:
     def _scene(self, board: Board, camera_from_board: Pose) -> NDArray[np.float32]:
         width_m, height_m = board.sheet_size_m
         sheet = 0.5 * np.array([[-width_m, -height_m, width_m, height_m]])
-        paper = self._coverage(sheet, camera_from_board)
+        paper = self._coverage(quads(sheet), camera_from_board)
         scene = self._background + np.abs(paper) * (self._white - self._background)
         # The camera is before the board where the board's z axis points towards it.
         if camera_from_board.rotation[:, 2] @ camera_from_board.translation < 0.0:
-            ink = self._coverage(black_rectangles(board), camera_from_board)
+            ink = self._coverage(black_quads(board), camera_from_board)
             scene = scene - ink * (self._white - self._black)
         if self._light is not None:
             scene = scene * self._light
         return scene.astype(np.float32)
 
-    def _coverage(self, rectangles: Array, camera_from_board: Pose) -> Array:
-        """Return how much of each pixel rectangles (N, 4) of the board cover."""
-        return coverage(self._outlines.edges(rectangles, camera_from_board), self.image_size)
+    def _coverage(self, shapes: Array, camera_from_board: Pose) -> Array:
+        """Return how much of each pixel shapes (N, 4, 2) of the board cover."""
+        return coverage(self._outlines.edges(shapes, camera_from_board), self.image_size)
 
 
 def _checked_size(image_size: tuple[int, int]) -> tuple[int, int]:

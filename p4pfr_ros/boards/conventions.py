@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The axes and the corner order that a package gives a marker: ours, and those of others.
+
+docs/conventions.md shows them, and says where each is from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from p4pfr_ros.core.geometry import Pose
+
+Corners = tuple[tuple[float, float], ...]
+
+# Where a marker's corners lie, in sides of it, in our axes: x right, y up as printed.
+CORNER_ORDERS: dict[str, Corners] = {
+    'aruco_cw_from_top_left': ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5)),
+    'apriltag_ccw_from_bottom_left': ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)),
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Convention:
+    """
+    How a package describes a marker.
+
+    A pose of ours, ``camera_from_ours``, is ``camera_from_ours @ ours_from_theirs`` there.
+
+    Parameters
+    ----------
+    corner_order
+        The order in which it gives the corners: one of ``CORNER_ORDERS``.
+    corners
+        The corners in that order in its own axes, in sides, as its own sources have them.
+    ours_from_theirs
+        Its axes in ours. All have their origin in the marker's centre.
+
+    """
+
+    corner_order: str
+    corners: Corners
+    ours_from_theirs: Pose
+
+
+_SAME = Pose(np.eye(3), np.zeros(3))
+# x stays to the right; y turns down, and z into the marker.
+_HALF_TURN_ABOUT_X = Pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+
+_TOP_LEFT_Y_UP = ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5))
+_TOP_LEFT_Y_DOWN = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
+_BOTTOM_LEFT_Y_UP = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
+_BOTTOM_LEFT_Y_DOWN = ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5))
+
+CONVENTIONS: dict[str, Convention] = {
+    'p4pfr_ros': Convention('aruco_cw_from_top_left', _TOP_LEFT_Y_UP, _SAME),
+    'OpenCV aruco': Convention('aruco_cw_from_top_left', _TOP_LEFT_Y_UP, _SAME),
+    'aruco_ros': Convention('aruco_cw_from_top_left', _TOP_LEFT_Y_UP, _SAME),
+    'ros2_aruco': Convention('aruco_cw_from_top_left', _TOP_LEFT_Y_UP, _SAME),
+    'apriltag_ros': Convention('apriltag_ccw_from_bottom_left', _BOTTOM_LEFT_Y_UP, _SAME),
+    'AprilTag 3': Convention(
+        'apriltag_ccw_from_bottom_left', _BOTTOM_LEFT_Y_DOWN, _HALF_TURN_ABOUT_X
+    ),
+    'isaac_ros_apriltag': Convention(
+        'aruco_cw_from_top_left', _TOP_LEFT_Y_DOWN, _HALF_TURN_ABOUT_X
+    ),
+}
