@@ -9,6 +9,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .camera_info_fit import fit_camera_info_model
+from .camera_info_model import CameraInfoModel
 from .geometry import Array, as_points
 
 # The forward map of a wide lens has no closed form: a table, then Newton's steps.
@@ -93,6 +95,18 @@ class DivisionCamera:
             scale = self._wide_scale(np.linalg.norm(xy, axis=-1, keepdims=True), z)
         pixels: Array = self.focal_px * scale * xy + self.center_px
         return pixels
+
+    def to_camera_info_model(self, image_size: tuple[int, int]) -> CameraInfoModel:
+        """
+        Return the camera in a model that CameraInfo has a name for: image_proc then rectifies.
+
+        It is rational_polynomial where that is within 0.1 px over a picture of image_size (width,
+        height), and otherwise that or equidistant, whichever is closer; its residual_px says by
+        how much it is off at worst. Pixels beyond the fold of a lens with k > 0 see nothing, and
+        are not looked at.
+        """
+        k = (self.k, self.k2, self.k3)
+        return fit_camera_info_model(self.focal_px, self.center_px, k, image_size)
 
     def _wide_scale(self, rho: Array, z: Array) -> Array:
         """Return |d| / ρ for points at the distance ρ from the axis and the depth z."""

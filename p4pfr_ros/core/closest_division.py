@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The way back: the division camera closest to one that was calibrated in another model."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .camera import DivisionCamera
+from .camera_info_model import CameraInfoModel, corner_radius_px
+from .geometry import Array
+from .lens_maps import lens_map
+
+# The fewest terms with which the division model is as close as this, px, are enough.
+_GOOD_ENOUGH_PX = 0.1
+_TERMS = 3
+_ANGLES = 400
+_ALONG_A_SIDE = 33
+
+
+def division_camera_from_model(model: CameraInfoModel) -> tuple[DivisionCamera, float]:
+    """
+    Return the division camera closest to a model, and by how much it is off at worst, px.
+
+    The residual is over the picture's pixels that the model has rays for, so it holds what the
+    division model does not: fx ≠ fy and tangential terms. Of k, k2, k3 as few are used as come
+    within 0.1 px. Infinite where no division camera sees all of the picture.
+    """
+    focal_px = math.sqrt(model.focal_px[0] * model.focal_px[1])
+    angle, p = _radial_profile(model, focal_px)
+    pixels = _pixels(model.image_size)
+    rays = model.unproject(pixels)
+    found: list[tuple[float, int, DivisionCamera]] = []
+    for terms in range(1, _TERMS + 1):
+        camera = _fitted(angle, p, terms, model.center_px, focal_px)
+        if camera is None:
+            continue
+        away_px = np.linalg.norm(camera.project(rays) - pixels, axis=1)[~np.isnan(rays[:, 2])]
+        residual_px = float(np.nan_to_num(away_px, nan=np.inf).max(initial=0.0))
+        found.append((residual_px, terms, camera))
+        if residual_px <= _GOOD_ENOUGH_PX:
+            break
+    if not found:
+        return DivisionCamera(focal_px, model.center_px), math.inf
+    residual_px, _, camera = min(found)
+    return camera, residual_px
+
+
+def _radial_profile(model: CameraInfoModel, focal_px: float) -> tuple[Array, Array]:
+    """Return angles to the axis (n,) and their radii in px (n,), out to the farthest corner."""
+    lens = lens_map(model.distortion_model, model.coefficients)
+    corner = corner_radius_px(model.image_size, model.center_px) / focal_px
+    radii = corner * (np.arange(_ANGLES) + 1.0) / _ANGLES
+    # Along the axis and not along x, where tangential terms would count as radial.
+    ray = lens.undistort(np.stack([radii, np.zeros_like(radii)], axis=1))
+    angle = np.arctan2(np.linalg.norm(ray[:, :2], axis=1), ray[:, 2])
+    angle = angle[~np.isnan(angle)]
+    return angle, focal_px * lens.radii(angle)
+
+
+def _fitted(
+    angle: Array, p: Array, terms: int, center_px: tuple[float, float], focal_px: float
+) -> DivisionCamera | None:
+    """Fit  f + f k (p/f)² + ... = p cot θ,  which is linear, weighted to be in pixels."""
+    if len(angle) <= terms + 1:
+        return None
+    # A change of p at the same angle, by a change G of the left side:  sin²θ / (p θ') G.
+    with np.errstate(all='ignore'):
+        weight = np.sin(angle) ** 2 / (p * np.gradient(angle, p))
+    powers = (p[:, None] / focal_px) ** (2.0 * np.arange(terms + 1))
+    g = np.linalg.lstsq(weight[:, None] * powers, weight * p / np.tan(angle), rcond=None)[0]
+    if not g[0] > 0.0:
+        return None
+    # g_i (p / focal_px)²ⁱ = f k_i (p / f)²ⁱ
+    ratio = (g[0] / focal_px) ** (2.0 * np.arange(terms + 1))
+    k = (g * ratio / g[0])[1:].tolist()
+    return DivisionCamera(float(g[0]), center_px, *k)
+
+
+def _pixels(image_size: tuple[int, int]) -> Array:
+    """Return pixels (n, 2) all over the picture, its outer edges among them."""
+    x, y = (np.linspace(-0.5, size - 0.5, _ALONG_A_SIDE) for size in image_size)
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The division model in the words of image_proc: how close, and nowhere folded."""
+
+from fractions import Fraction
+
+from hypothesis import strategies as st
+from laws import law
+from lenses import CENTER, MODELS, pixels, SIZE
+import numpy as np
+from numpy.polynomial import polynomial as poly
+from p4pfr_ros import DivisionCamera
+from p4pfr_ros.core.camera_info_fit import closed_form
+from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros.core.closest_division import division_camera_from_model
+from p4pfr_ros.core.lens_maps import smallest_positive_root
+import pytest
+
+over_models = pytest.mark.parametrize('model', MODELS.values(), ids=MODELS)
+
+
+def test_the_closed_form_is_the_series_up_to_the_sixth_power():
+    """Of C(w) = Σ Cₙ wⁿ with the Catalan numbers Cₙ; w = k ρ²."""
+    catalan = [Fraction(1)]
+    for n in range(8):
+        catalan.append(catalan[-1] * (4 * n + 2) / (n + 2))
+    assert catalan[:7] == [1, 1, 2, 5, 14, 42, 132]
+    k1, k2, p1, p2, k3, k4, k5, k6 = (Fraction(c) for c in closed_form(1.0))
+    assert (p1, p2) == (0, 0)
+    product = [
+        sum(d * catalan[n - i] for i, d in enumerate((1, k4, k5, k6)) if i <= n) for n in range(8)
+    ]
+    assert product[:7] == [1, k1, k2, k3, 0, 0, 0]
+    assert product[7] != 0
+
+
+@pytest.mark.parametrize(
+    ('f', 'k', 'within_px'),
+    [(1000, -0.15, 1e-5), (700, -0.2, 1e-4), (600, -0.25, 1e-3), (600, -0.35, 0.01)],
+)
+def test_the_rational_model_is_close(f, k, within_px):
+    camera = DivisionCamera(f, CENTER, k)
+    model = camera.to_camera_info_model(SIZE)
+    assert model.distortion_model == 'rational_polynomial'
+    assert model.residual_px < within_px
+    away_px = np.linalg.norm(model.project(camera.unproject(pixels())) - pixels(), axis=1)
+    assert away_px.max() <= 1.001 * model.residual_px + 1e-9
+
+
+@pytest.mark.parametrize(
+    ('f', 'k', 'k2', 'k3', 'kind', 'within_px'),
+    [
+        (600, -0.45, 0.0, 0.0, 'equidistant', 0.1),  # 163 degrees
+        (400, -0.25, 0.0, 0.0, 'equidistant', 0.01),  # 180 degrees
+        (300, -0.25, 0.0, 0.0, 'equidistant', 0.02),  # 212 degrees
+        (600, -0.6, 0.0, 0.0, 'equidistant', 1.0),
+        (700, -0.25, 0.02, -0.003, 'rational_polynomial', 1e-3),
+        (500, -0.25, -0.02, 0.0, 'rational_polynomial', 0.1),
+        (400, -0.3, 0.02, -0.01, 'equidistant', 0.3),
+        (1000, 0.1, 0.0, 0.0, 'rational_polynomial', 1e-4),
+        (1000, 0.0, 0.0, 0.0, 'rational_polynomial', 1e-9),
+        (1000, 1e-12, 0.0, 0.0, 'rational_polynomial', 1e-9),
+    ],
+)
+def test_every_lens_gets_a_model_with_an_honest_residual(f, k, k2, k3, kind, within_px):
+    camera = DivisionCamera(f, CENTER, k, k2, k3)
+    model = camera.to_camera_info_model(SIZE)
+    assert model.distortion_model == kind
+    assert model.residual_px < within_px
+    away_px = np.linalg.norm(model.project(camera.unproject(pixels())) - pixels(), axis=1)
+    assert away_px.max() <= 1.001 * model.residual_px + 1e-9
+
+
+@law(examples=60, f=st.floats(250, 3000), k=st.floats(-0.7, 0.4), x=st.floats(300, 900))
+def test_a_model_never_folds_inside_of_the_picture(f, k, x):
+    camera = DivisionCamera(f, (x, 400.0), k)
+    model = camera.to_camera_info_model(SIZE)
+    corner = max(np.hypot(x + 0.5, 559.5), np.hypot(1279.5 - x, 559.5)) / f
+    end = min(corner, 0.99 / np.sqrt(k)) if k > 0.0 else corner
+    r = np.linspace(0.0, end, 3000)
+    rays = np.stack([r, 0.0 * r, 1.0 + k * r**2], axis=1)
+    assert (np.diff(model.project(rays)[:, 0]) > 0.0).all()
+
+
+def test_what_lies_beyond_a_pincushion_lens_is_not_looked_at():
+    """K r² = 1.1 in the corners, and from 1 on no ray is left for a pixel."""
+    camera = DivisionCamera(800.0, CENTER, 1.1)
+    assert camera.to_camera_info_model(SIZE).residual_px < 5.0
+
+
+def test_terms_are_left_out_until_nothing_folds():
+    """No lens is like that; its residual says that the model is not like it either."""
+    camera = DivisionCamera(300.0, CENTER, 0.27, 0.005, -0.019)
+    model = camera.to_camera_info_model(SIZE)
+    assert model.coefficients[-1] == 0.0
+    assert 100.0 < model.residual_px < np.inf
+
+
+@over_models
+def test_a_pixels_ray_projects_back_to_it(model):
+    rays = model.unproject(pixels())
+    np.testing.assert_allclose(np.linalg.norm(rays, axis=-1), 1.0, atol=1e-12)
+    np.testing.assert_allclose(model.project(3.0 * rays), pixels(), atol=1e-9)
+
+
+@over_models
+def test_any_shape_goes_in_and_comes_out(model):
+    many = pixels(59).reshape(8, 8, 2)
+    rays = model.unproject(many)
+    np.testing.assert_allclose(rays[3, 4], model.unproject(many[3, 4]), atol=1e-12)
+    assert model.project(rays).shape == many.shape
+
+
+def test_beyond_the_fold_there_is_nothing():
+    # ρ (1 - ρ² / 3) turns back at ρ = 1, where it is 2/3.
+    model = CameraInfoModel('plumb_bob', (-1 / 3, 0, 0, 0), (900.0, 900.0), CENTER, 0.0, SIZE)
+    assert np.isfinite(model.project([0.999, 0.0, 1.0])).all()
+    assert np.isnan(model.project([1.001, 0.0, 1.0])).all()
+    assert np.isfinite(model.unproject([CENTER[0] + 599.0, CENTER[1]])).all()
+    assert np.isnan(model.unproject([CENTER[0] + 601.0, CENTER[1]])).all()
+    assert np.isnan(model.project([0.0, 0.0, -1.0])).all()
+
+
+def test_a_fisheye_sees_behind_itself_up_to_its_fold():
+    # θ (1 - θ² / 12) turns back at θ = 2.
+    model = CameraInfoModel('equidistant', (-1 / 12, 0, 0, 0), (400.0, 400.0), CENTER, 0.0, SIZE)
+    behind = [np.sin(1.9), 0.0, np.cos(1.9)]
+    np.testing.assert_allclose(model.unproject(model.project(behind)), behind, atol=1e-12)
+    assert np.isnan(model.project([np.sin(2.1), 0.0, np.cos(2.1)])).all()
+    assert np.isnan(model.unproject([CENTER[0] + 400.0 * 4 / 3 + 1.0, CENTER[1]])).all()
+    endless = CameraInfoModel('equidistant', (0, 0, 0, 0), (400.0, 400.0), CENTER, 0.0, SIZE)
+    assert np.isnan(endless.project([0.0, 0.0, -1.0])).all()
+
+
+@pytest.mark.parametrize('kind', ['rational_polynomial', 'equidistant'])
+@pytest.mark.parametrize('size', [1e300, 1e150, 1e-300])
+def test_absurd_coefficients_raise_nothing(kind, size):
+    n = 8 if kind == 'rational_polynomial' else 4
+    for signs in ((1,) * n, (-1,) * n, (1, -1) * (n // 2)):
+        d = tuple(s * size for s in signs)
+        model = CameraInfoModel(kind, d, (500.0, 500.0), CENTER, 0.0, SIZE)
+        assert model.project(model.unproject(pixels(20))).shape == (25, 2)
+        division_camera_from_model(model)
+
+
+@pytest.mark.parametrize(
+    ('polynomial', 'root'),
+    [
+        (poly.polyfromroots([-1.0, 2.0, 3.0]), 2.0),
+        (poly.polyfromroots([-1.0, -2.0]), np.inf),
+        ([1.0, 0.0, 1.0], np.inf),
+        # They touch the axis, and that is a fold: computed, the roots are a hair off the axis.
+        ([1.0, -2.0, 1.0], 1.0),
+        (poly.polyfromroots([0.7, 0.7, 2.0]), 0.7),
+        ([1.0, 0.0, 0.0], np.inf),
+        ([1.0, -2.0, 0.0], 0.5),
+        ([1.0, np.inf], 0.0),
+    ],
+)
+def test_the_first_fold(polynomial, root):
+    assert smallest_positive_root(np.array(polynomial)) == pytest.approx(root)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'complaint'),
+    [
+        ({'distortion_model': 'division'}, "distortion_model must be one of .*, got 'division'"),
+        ({'coefficients': (0.1,) * 6}, 'coefficients must be 5 of plumb_bob, got 6'),
+        ({'coefficients': (np.nan,) * 5}, 'coefficients must be finite'),
+        ({'focal_px': (500.0, 0.0)}, 'focal_px must be > 0'),
+        ({'center_px': (500.0,)}, 'center_px must have shape'),
+        ({'residual_px': -1.0}, 'residual_px must be ≥ 0'),
+        ({'image_size': (0, 480)}, 'image_size must be positive'),
+    ],
+)
+def test_what_is_no_model_is_refused(arguments, complaint):
+    good = {
+        'distortion_model': 'plumb_bob',
+        'coefficients': (0.0,) * 5,
+        'focal_px': (500.0, 500.0),
+        'center_px': CENTER,
+        'residual_px': 0.0,
+        'image_size': SIZE,
+    }
+    CameraInfoModel(**good)
+    with pytest.raises(ValueError, match=complaint):
+        CameraInfoModel(**{**good, **arguments})
+
+
+def test_a_plumb_bob_of_four_has_a_fifth():
+    four = CameraInfoModel('plumb_bob', (0.1, 0.2, 0.3, 0.4), (1.0, 1.0), CENTER, 0.0, SIZE)
+    assert four.coefficients == (0.1, 0.2, 0.3, 0.4, 0.0)
