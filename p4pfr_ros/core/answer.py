@@ -167,7 +167,7 @@ class Answering:
 
     def _seen(self, row: Array, summary: Summary, found: Conclusion) -> Observability:
         translation = self._translation(row)
-        seen = observability_of(row, translation, found.covariance, self.view.corner_px)
+        seen = observability_of(float(row[G]), translation, found.covariance, self.view.corner_px)
         share = math.sqrt(found.covariance[6, 6]) / row[G]
         if self.camera is not None or not seen.focal or share < _SURE or len(self.view.image) == 4:
             return seen

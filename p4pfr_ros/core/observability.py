@@ -9,7 +9,6 @@ import math
 import numpy as np
 
 from .geometry import Array
-from .solution import G
 
 # A quantity counts as observable while its standard deviation is below: a share of itself for
 # focal length and distance, radians for the direction of the board, and for the distortion the
@@ -40,13 +39,13 @@ class Observability:
 
 
 def observability_of(
-    row: Array, translation: Array, covariance: Array, corner_px: float
+    focal_px: float, translation: Array, covariance: Array, corner_px: float
 ) -> Observability:
     """
     Judge by the standard deviations.
 
-    row is the estimate, translation the board's (its unit), corner_px the distance of the
-    image's farthest corner from the centre.
+    translation is the board's (its unit), corner_px the distance of the image's farthest corner
+    from the centre.
     """
     x, y, z = translation.tolist()
     c = covariance.tolist()
@@ -56,7 +55,6 @@ def observability_of(
         + y * (y * c[1][1] + 2.0 * z * c[1][2])
         + z * z * c[2][2]
     )
-    focal_px = float(row[G])
     bend = math.sqrt(max(c[7][7], 0.0)) * (corner_px / focal_px) ** 2
     return Observability(
         direction=c[3][3] + c[4][4] + c[5][5] < _MAX_DIRECTION_RAD**2,

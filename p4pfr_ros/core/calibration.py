@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``SelfCalibration``: the camera from all its views of flat boards, while they come in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .answer import no_estimate
+from .calibration_terms import CalibrationOptions, CalibrationState, KeptView, Verdict
+from .calibration_view import CalibrationView, camera_of
+from .camera_estimate import CameraEstimate
+from .camera_knowledge import common_camera, order_of, saved_camera
+from .changes import Changes
+from .estimate import PoseEstimate, RansacOptions, Stop
+from .fused_answer import fused_answer, seen_by_fit
+from .geometry import Pose
+from .joining import explained_anew, with_view
+from .joint_fit import JointFit, Knowledge, unfitted
+from .kept_views import kept_views
+from .prepare import prepare
+from .progress import state_of
+from .sighting import Sighting
+from .uncertainty import DEFAULT_SIGMA_PX
+from .view_choice import distance_to_views_px, tells_focal
+
+# A changed camera's lens is as sharp as before: its noise is no more than so many variances.
+_AS_SHARP = 4.0
+
+
+class SelfCalibration:
+    """
+    Estimates one camera from its views, one at a time, and each view's pose by that camera.
+
+    Focal length, centre and distortion are the camera's, a pose belongs to a view. A bounded set
+    of views is kept for what they tell of the camera, and all are fitted together. A view that
+    disagrees does not count; when views go on disagreeing, the camera has changed (zoom, focus),
+    and is started over.
+
+    Parameters
+    ----------
+    image_size
+        (width, height) of the full raw picture, px.
+    options
+        How to calibrate.
+    robust
+        How to search each view; its priors and its noise hold for the camera.
+
+    Attributes
+    ----------
+    state
+        How far the calibration is.
+    fused
+        The camera and how sure it is; None while ``state`` is UNCALIBRATED.
+    verdict
+        What became of the last view.
+
+    Raises
+    ------
+    ValueError
+        The size is not positive.
+
+    """
+
+    def __init__(
+        self,
+        image_size: tuple[int, int],
+        *,
+        options: CalibrationOptions | None = None,
+        robust: RansacOptions | None = None,
+    ) -> None:
+        width, height = image_size
+        if not (width > 0 and height > 0):
+            raise ValueError(f'image_size must be positive, got {image_size}')
+        self.image_size = (int(width), int(height))
+        self.options = options or CalibrationOptions()
+        self.robust = robust or RansacOptions()
+        self.verdict = Verdict.UNUSED
+        self.state = CalibrationState.UNCALIBRATED
+        self.fused: CameraEstimate | None = None
+        self._middle_px = (0.5 * (width - 1.0), 0.5 * (height - 1.0))
+        self._common = common_camera(self.image_size, self.options.center_spread, self.robust)
+        self._changes = Changes(self.options.outliers_to_restart)
+        self._last_poses: tuple[Pose, ...] = ()
+        self._start(self._common, None)
+
+    def reset(self) -> None:
+        """Forget all views, and the camera."""
+        self._start(self._common, None)
+
+    def adopt(self, estimate: CameraEstimate) -> None:
+        """Start over from a camera that is known: an earlier calibration, say."""
+        self._start(saved_camera(estimate, self._middle_px, self._common), estimate)
+
+    @property
+    def views(self) -> tuple[KeptView, ...]:
+        """The views that the camera is estimated from, oldest first."""
+        return kept_views(self._fit)
+
+    def update(
+        self, image_points: ArrayLike, board_points: ArrayLike, stamp: Any = None
+    ) -> PoseEstimate:
+        """
+        Take in one view, and estimate its pose.
+
+        Parameters
+        ----------
+        image_points : (N, 2) array, N ≥ 4
+            Pixels of the full raw picture; pixel centres are integers.
+        board_points : (N, 2) array
+            The same points on the board's plane Z = 0, metres.
+        stamp
+            Whatever tells the view from others; it is kept with it.
+
+        Returns
+        -------
+        The estimate by the fused camera, whose errors its covariance holds. While there is no
+        such camera, or where the view disagrees with it, the estimate by the view alone.
+
+        Raises
+        ------
+        ValueError
+            A wrong shape, or a number that is not finite.
+
+        """
+        view = CalibrationView(
+            np.array(image_points, dtype=np.float64),
+            np.array(board_points, dtype=np.float64),
+            prepare(image_points, board_points, self.image_size, self._middle_px, None),
+            stamp,
+        )
+        self.verdict = Verdict.UNUSED
+        if view.scaled.collinear:
+            return no_estimate(Stop.COLLINEAR, len(view), 0)
+        sighting = Sighting(view, self._fit, self._camera, self.image_size, self.robust)
+        self._judge(sighting)
+        return self._answer(sighting)
+
+    def _judge(self, sighting: Sighting) -> None:
+        """Find what becomes of a view."""
+        if sighting.agrees and not self._is_new(sighting, self._poses):
+            self._agreed(sighting, Verdict.KNOWN)
+        elif sighting.explained:
+            fit = with_view(sighting, self._knowledge, self.options.max_views)
+            if fit is not None:
+                self._take(fit)
+                self._agreed(sighting, Verdict.KEPT)
+            elif sighting.agrees:
+                self._agreed(sighting, Verdict.KNOWN)
+            else:
+                self._disagreed(sighting)
+
+    def _is_new(self, sighting: Sighting, poses: Sequence[Pose]) -> bool:
+        """Say whether a view has the board where none of these poses has it."""
+        model = sighting.known.model
+        if model is None or not poses:
+            return True
+        away_px = distance_to_views_px(
+            sighting.view.board_points, model.camera_from_board, poses, self._camera
+        )
+        return away_px > self.options.new_view * math.hypot(*self.image_size)
+
+    def _agreed(self, sighting: Sighting, verdict: Verdict) -> None:
+        self.verdict = verdict
+        # A view from straight ahead agrees with any focal length. And one look, though it may last
+        # for hours, is no more than one.
+        seen = sighting.by_fit
+        if seen and self._is_new(sighting, self._last_poses) and tells_focal(seen, self._common):
+            self._last_poses = (sighting.view.pose_from_row(seen.row),)
+            self._changes.note(sighting, agrees=True)
+            self._start_over_if_changed()
+
+    def _disagreed(self, sighting: Sighting) -> None:
+        """Take a view for an outlier; where many are, the camera has changed."""
+        self.verdict = Verdict.OUTLIER
+        self._changes.note(sighting, agrees=False)
+        self._start_over_if_changed()
+
+    def _start_over_if_changed(self) -> None:
+        witnesses = self._changes.witnesses(self._fit, self._common)
+        if not witnesses:
+            return
+        fit = explained_anew(witnesses, self._common)
+        as_sharp = fit.variance < max(_AS_SHARP * self._fit.variance, DEFAULT_SIGMA_PX**2)
+        if as_sharp or self._changes.unanimous:
+            self._start(self._common, None)
+            self._take(fit)
+            self.verdict = Verdict.RESTARTED
+
+    def _start(self, knowledge: Knowledge, adopted: CameraEstimate | None) -> None:
+        self.verdict = Verdict.UNUSED
+        self._knowledge, self._adopted = knowledge, adopted
+        self._changes.clear()
+        self._last_poses = ()
+        self._take(unfitted(knowledge, order_of(adopted.camera) if adopted else 1))
+
+    def _take(self, fit: JointFit) -> None:
+        """Make a fit the one that holds."""
+        self._fit, self._camera = fit, camera_of(fit.lens, self._middle_px)
+        self._poses = tuple(v.pose_from_row(p) for v, p in zip(fit.views, fit.poses, strict=True))
+        before = self._adopted.views if self._adopted else 0
+        covariance, views = fit.covariance, len(fit.views) + before
+        corner_px = 0.5 * math.hypot(*self.image_size)
+        self.state = state_of(fit.lens, covariance, corner_px, views, self.options)
+        if self.state is CalibrationState.UNCALIBRATED:
+            self.fused = None
+        elif fit.views:
+            self.fused = CameraEstimate(self._camera, covariance, fit.rms_px, views)
+        else:
+            self.fused = self._adopted
+
+    def _answer(self, sighting: Sighting) -> PoseEstimate:
+        """Answer by the fused camera where there is one and the view agrees."""
+        if self.fused is None or self.verdict in (Verdict.OUTLIER, Verdict.UNUSED):
+            return sighting.alone
+        seen = sighting.by_fit
+        if seen is None or self.verdict is not Verdict.KNOWN:  # it is the last of the fit's views
+            seen = seen_by_fit(sighting.view, self._fit.poses[-1], self._fit)
+        return fused_answer(seen, self._camera, sighting.known_or_alone, self.robust.threshold_px)

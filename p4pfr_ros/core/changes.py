@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether the camera has changed: what its latest views say, taken together."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from .joint_fit import inverse_of, JointFit, Knowledge
+from .lens import K
+from .sighting import Sighting
+
+# The latest views that told something of the camera.
+_MEMORY = 10
+
+# Views of which each agrees may lean to one side together, after a turn of the focus ring: beyond
+# this χ² of the lens's four to six parameters it is no chance. Asked of so many views at least.
+_BEYOND_CHANCE = 40.0
+_ENOUGH_VIEWS = 3
+
+# Degrees of freedom that the expected scatter of the views counts for.
+_SCATTER_FREEDOM = 4.0
+
+
+class Changes:
+    """Remembers the latest views that told something, and whether they agreed."""
+
+    def __init__(self, outliers_to_restart: int) -> None:
+        self._enough = outliers_to_restart
+        self._latest: deque[tuple[Sighting, bool]] = deque(maxlen=_MEMORY)
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._latest.clear()
+
+    def note(self, sighting: Sighting, agrees: bool) -> None:
+        """Remember a view."""
+        self._latest.append((sighting, agrees))
+
+    @property
+    def unanimous(self) -> bool:
+        """Whether all of the latest views disagreed."""
+        return len(self._latest) == _MEMORY and not any(agrees for _, agrees in self._latest)
+
+    def witnesses(self, fit: JointFit, common: Knowledge) -> Sequence[Sighting]:
+        """Return the views, the latest last, that say that the camera has changed; if it has."""
+        agreed = [sighting for sighting, agrees in self._latest if agrees]
+        disagreed = [sighting for sighting, agrees in self._latest if not agrees]
+        evidence = len(disagreed) / self._enough
+        if evidence >= 1.0:
+            return disagreed
+        if len(agreed) >= _ENOUGH_VIEWS:
+            evidence += _lean(agreed, fit, common) / _BEYOND_CHANCE
+        return [sighting for sighting, _ in self._latest] if evidence >= 1.0 else ()
+
+
+def _lean(sightings: Sequence[Sighting], fit: JointFit, common: Knowledge) -> float:
+    """
+    Return χ² of the difference between the camera of some views and that of a fit.
+
+    Each view's equations are those by the fit of before it came, so that it is not among what
+    it is compared with.
+    """
+    free = slice(K + fit.order)
+    prior = fit.variance * common.information[free, free]
+    seen = [sighting.by_fit for sighting in sightings if sighting.by_fit]
+    told = np.array([s.told[free, free] for s in seen])
+    pulls = np.array([s.pull[free] for s in seen])
+    total = told.sum(axis=0) + prior
+    shift = np.linalg.solve(total, pulls.sum(axis=0))
+    # What is left when the shift is made is the scatter of the views, in variances of the noise.
+    left = pulls - told @ shift
+    alone = np.linalg.inv(told + prior)
+    squares = np.einsum('va,vab,vb->', left, alone, left) / fit.variance
+    inverse = inverse_of(total)
+    freedom = np.einsum('vab,vba->', alone, told - told @ inverse @ told)
+    scatter = max(fit.scatter, (_SCATTER_FREEDOM + squares) / (_SCATTER_FREEDOM + freedom))
+    spread = scatter * fit.variance * inverse + fit.covariance[free, free]
+    return float(shift @ np.linalg.solve(spread, shift))

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far a calibration is, by the standard deviations of its camera."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .calibration_terms import CalibrationOptions, CalibrationState
+from .geometry import Array
+from .lens import CX, FOCAL, K, LENS_SIZE
+
+# Rougher than this, a share of the focal length or a bend of the corner, a camera is a guess.
+_GUESS = 0.15
+
+
+def state_of(
+    lens: Array, covariance: Array, corner_px: float, views: int, options: CalibrationOptions
+) -> CalibrationState:
+    """Judge a lens (6,) and its covariance (6, 6); corner_px is half the picture's diagonal."""
+    focal_share = math.sqrt(covariance[FOCAL, FOCAL]) / lens[FOCAL]
+    center_share = math.sqrt(np.diag(covariance)[CX:K].max()) / (2.0 * corner_px)
+    # At the corner the ray's depth is  1 + k q + k2 q² + k3 q³,  q = |d|².
+    q = (corner_px / lens[FOCAL]) ** 2
+    by_terms = np.zeros(LENS_SIZE)
+    by_terms[K:] = q, q**2, q**3
+    bend = math.sqrt(by_terms @ covariance @ by_terms)
+    if not (focal_share < _GUESS and bend < _GUESS):
+        return CalibrationState.UNCALIBRATED
+    sure = (
+        views >= options.min_views
+        and focal_share < options.focal_tolerance
+        and center_share < options.center_tolerance
+        and bend < options.bend_tolerance
+    )
+    return CalibrationState.CALIBRATED if sure else CalibrationState.CONVERGING

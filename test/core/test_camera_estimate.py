@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+from p4pfr_ros import DivisionCamera
+from p4pfr_ros.core.camera_estimate import CameraEstimate
+import pytest
+
+CAMERA = DivisionCamera(600.0, (319.5, 239.5), -0.2)
+SIGMA = np.array([0.8, 0.5, 0.6, 0.004, 0.0, 0.0])
+CORRELATED = np.eye(6) + 0.9 * (np.eye(6, k=3) + np.eye(6, k=-3))
+VARIANCES = np.outer(SIGMA, SIGMA)
+COVARIANCE = CORRELATED * VARIANCES
+
+
+def test_standard_deviations_are_the_covariances():
+    estimate = CameraEstimate(CAMERA, COVARIANCE, 0.2, 12)
+    assert estimate.focal_sigma_px == pytest.approx(0.8)
+    np.testing.assert_allclose(estimate.center_sigma_px, [0.5, 0.6])
+    assert estimate.k_sigma == pytest.approx(0.004)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'complaint'),
+    [
+        ({'covariance': np.eye(5)}, r'covariance must have shape \(6, 6\)'),
+        ({'covariance': -np.eye(6)}, 'covariance must be symmetric and ≥ 0'),
+        ({'covariance': COVARIANCE + 1e-3 * np.eye(6, k=1)}, 'covariance must be symmetric'),
+        # Focal length and k with a correlation above one; in absolute numbers it is small.
+        ({'covariance': (1.2 * CORRELATED - 0.2 * np.eye(6)) * VARIANCES}, 'covariance must be'),
+        ({'covariance': COVARIANCE + 1e-3 * (np.eye(6, k=5) + np.eye(6, k=-5))}, 'covariance'),
+        ({'rms_px': np.nan}, 'rms_px must be finite and ≥ 0, got nan'),
+        ({'rms_px': -0.1}, 'rms_px must be finite and ≥ 0'),
+        ({'views': 0}, 'views must be at least 1, got 0'),
+    ],
+)
+def test_what_is_no_estimate_is_refused(arguments, complaint):
+    good = {'camera': CAMERA, 'covariance': COVARIANCE, 'rms_px': 0.2, 'views': 12}
+    CameraEstimate(**good)
+    with pytest.raises(ValueError, match=complaint):
+        CameraEstimate(**{**good, **arguments})
