@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Calibrations on disk, in the YAML that camera_calibration and camera_info_manager share.
+
+ROS reads image size, name, K, model, D, R and P from it. The key ``division`` is ours: the camera
+in its own numbers and how sure they are. Others leave it unread, and files without it are read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import os
+from typing import Any
+
+import numpy as np
+from p4pfr_ros.atomic_files import write_atomically
+from p4pfr_ros.calibration_fields import Fields
+from p4pfr_ros.core.camera import DivisionCamera
+from p4pfr_ros.core.camera_estimate import CameraEstimate
+from p4pfr_ros.core.camera_info_model import CameraInfoModel, COEFFICIENTS
+from p4pfr_ros.files import ConfigError, read_yaml
+import yaml
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Calibration:
+    """
+    A calibrated camera.
+
+    Parameters
+    ----------
+    image_size
+        Width and height of the full raw picture, pixels.
+    camera_name
+        What the driver calls the camera.
+    model
+        The camera as CameraInfo has it.
+    estimate
+        What the model was made of, where it is a camera that calibrated itself.
+
+    Raises
+    ------
+    ValueError
+        The sizes of picture and model differ.
+
+    """
+
+    image_size: tuple[int, int]
+    camera_name: str
+    model: CameraInfoModel
+    estimate: CameraEstimate | None = None
+
+    def __post_init__(self) -> None:
+        if tuple(self.image_size) != self.model.image_size:
+            raise ValueError(
+                f'image_size must be that of the model, {self.model.image_size}, '
+                f'got {self.image_size}'
+            )
+
+    @classmethod
+    def from_estimate(
+        cls, estimate: CameraEstimate, image_size: tuple[int, int], camera_name: str
+    ) -> Calibration:
+        """Make the calibration of a camera that calibrated itself."""
+        return cls(
+            image_size=image_size,
+            camera_name=camera_name,
+            model=estimate.camera.to_camera_info_model(image_size),
+            estimate=estimate,
+        )
+
+
+def save_calibration(path: str | os.PathLike[str], calibration: Calibration) -> None:
+    """
+    Write a calibration file: whole, or not at all. Folders that are missing are made.
+
+    Raises
+    ------
+    ConfigError
+        There is no such place to write to.
+
+    """
+    tree = _tree_from(calibration)
+    write_atomically(path, yaml.safe_dump(tree, sort_keys=False, default_flow_style=None))
+
+
+def load_calibration(path: str | os.PathLike[str]) -> Calibration:
+    """
+    Read a calibration file, our own or another's.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or is not such a file: says where and what was expected.
+
+    """
+    tree = read_yaml(path)
+    try:
+        return _calibration_from(Fields.of(tree))
+    except ValueError as error:
+        raise ConfigError(f'{path}: {error}') from None
+
+
+def _tree_from(calibration: Calibration) -> dict[str, Any]:
+    (width, height), model = calibration.image_size, calibration.model
+    (fx, fy), (cx, cy) = model.focal_px, model.center_px
+    tree: dict[str, Any] = {
+        'image_width': width,
+        'image_height': height,
+        'camera_name': calibration.camera_name,
+    }
+    if calibration.estimate is not None:
+        tree['division'] = _division_from(calibration.estimate, model.residual_px)
+    d = model.coefficients
+    # What everyone asks for comes last, so that a file that was cut short lacks it.
+    return tree | {
+        'camera_matrix': _matrix(3, 3, (fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)),
+        'distortion_model': model.distortion_model,
+        'distortion_coefficients': _matrix(1, len(d), d),
+        'rectification_matrix': _matrix(3, 3, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
+        'projection_matrix': _matrix(
+            3, 4, (fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0)
+        ),
+    }
+
+
+def _division_from(estimate: CameraEstimate, residual_px: float) -> dict[str, Any]:
+    camera = estimate.camera
+    return {
+        'focal_px': camera.focal_px,
+        'center_px': list(camera.center_px),
+        'k': camera.k,
+        'k2': camera.k2,
+        'k3': camera.k3,
+        'covariance': _matrix(6, 6, tuple(estimate.covariance.ravel().tolist())),
+        'rms_px': float(estimate.rms_px),
+        'views': int(estimate.views),
+        'residual_px': residual_px,
+    }
+
+
+def _matrix(rows: int, cols: int, data: tuple[float, ...]) -> dict[str, Any]:
+    return {'rows': rows, 'cols': cols, 'data': list(data)}
+
+
+def _calibration_from(fields: Fields) -> Calibration:
+    # The last two are asked for as ROS asks for them, and a file that was cut short lacks them.
+    fx, _, cx, _, fy, cy, *_ = fields.matrix('camera_matrix', 3, 3)
+    fields.matrix('rectification_matrix', 3, 3)
+    fields.matrix('projection_matrix', 3, 4)
+    if not (fx > 0.0 and fy > 0.0):
+        raise ValueError(f'camera_matrix.data: expected focal lengths > 0, got {fx} and {fy}')
+    image_size = fields.count('image_width'), fields.count('image_height')
+    division = fields.below('division') if 'division' in fields else None
+    return Calibration(
+        image_size=image_size,
+        camera_name=fields.word('camera_name', 'unknown'),
+        model=CameraInfoModel(
+            *_distortion_from(fields),
+            focal_px=(fx, fy),
+            center_px=(cx, cy),
+            residual_px=division.number('residual_px', low=0.0) if division else 0.0,
+            image_size=image_size,
+        ),
+        estimate=_estimate_from(division) if division else None,
+    )
+
+
+def _distortion_from(fields: Fields) -> tuple[str, tuple[float, ...]]:
+    name = fields.word('distortion_model', 'plumb_bob')
+    if name not in COEFFICIENTS:
+        known = ', '.join(COEFFICIENTS)
+        raise ValueError(f'distortion_model: expected one of {known}, got {name!r}')
+    data = fields.matrix('distortion_coefficients', 1, None)
+    counts = {4, 5} if name == 'plumb_bob' else {COEFFICIENTS[name]}
+    if len(data) not in counts:
+        expected = ' or '.join(str(n) for n in sorted(counts))
+        raise ValueError(
+            f'distortion_coefficients.data: expected {expected} of {name}, got {len(data)}'
+        )
+    return name, data
+
+
+def _estimate_from(fields: Fields) -> CameraEstimate:
+    focal_px, (x, y) = fields.number('focal_px'), fields.numbers('center_px', 2)
+    k, k2, k3 = (fields.number(name) for name in ('k', 'k2', 'k3'))
+    covariance = np.reshape(fields.matrix('covariance', 6, 6), (6, 6))
+    rms_px, views = fields.number('rms_px'), fields.count('views')
+    try:
+        camera = DivisionCamera(focal_px, (x, y), k, k2, k3)
+        return CameraEstimate(camera, covariance, rms_px, views)
+    except ValueError as error:
+        raise ValueError(f'{fields.prefix}{error}') from None

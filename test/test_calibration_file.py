@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Calibration files: what goes in comes out, others' are read, and none is ever half a file."""
+
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+from p4pfr_ros import DivisionCamera
+from p4pfr_ros.atomic_files import write_atomically
+from p4pfr_ros.calibration_file import Calibration, load_calibration, save_calibration
+from p4pfr_ros.core.camera_estimate import CameraEstimate
+from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros.files import ConfigError
+import pytest
+import yaml
+
+SIZE = (1280, 960)
+FACTOR = np.random.default_rng(2).normal(size=(6, 6)) * [[1], [0.5], [0.5], [1e-3], [1e-4], [0]]
+ESTIMATE = CameraEstimate(
+    DivisionCamera(612.34567890123, (641.25, 478.5), -0.25, 1e-7), FACTOR @ FACTOR.T, 0.21, 17
+)
+CALIBRATION = Calibration.from_estimate(ESTIMATE, SIZE, 'front_left')
+# As camera_calibration writes it, and as yaml-cpp writes small numbers.
+OTHERS = """\
+image_width: 640
+image_height: 480
+camera_name: 00b09d01
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [533.1, 0, 342.3, 0, 533.2, 233.9, 0, 0, 1]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data: [-0.28, 0.03, 1e-05, -1.5e-04, 0]
+rectification_matrix:
+  rows: 3
+  cols: 3
+  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]
+projection_matrix:
+  rows: 3
+  cols: 4
+  data: [500.0, 0, 343, 0, 0, 510.0, 232, 0, 0, 0, 1, 0]
+avg_reprojection_error: 0.2
+"""
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / 'camera.yaml'
+
+
+def test_a_calibration_survives_its_file(path):
+    save_calibration(path, CALIBRATION)
+    back = load_calibration(path)
+    assert (back.image_size, back.camera_name) == (SIZE, 'front_left')
+    assert back.model == CALIBRATION.model
+    assert back.model.residual_px > 0.0
+    assert back.estimate.camera == ESTIMATE.camera
+    np.testing.assert_array_equal(back.estimate.covariance, ESTIMATE.covariance)
+    assert (back.estimate.rms_px, back.estimate.views) == (0.21, 17)
+
+
+@pytest.mark.parametrize(
+    ('kind', 'd'),
+    [('plumb_bob', (0.1, 0, 0, 0, 1e-9)), ('equidistant', (1, 2, 3, 4)), ('plumb_bob', (0,) * 4)],
+)
+def test_a_calibration_of_others_survives_too(path, kind, d):
+    model = CameraInfoModel(kind, d, (500.0, 501.0), (3.0, 4.0), 0.0, SIZE)
+    save_calibration(path, Calibration(image_size=SIZE, camera_name='123', model=model))
+    back = load_calibration(path)
+    assert (back.model, back.camera_name, back.estimate) == (model, '123', None)
+
+
+def test_the_file_has_what_ros_reads(path):
+    save_calibration(path, CALIBRATION)
+    tree = yaml.safe_load(path.read_text())
+    shapes = {
+        'camera_matrix': (3, 3),
+        'distortion_coefficients': (1, 8),
+        'rectification_matrix': (3, 3),
+        'projection_matrix': (3, 4),
+    }
+    read = {}
+    for key, shape in shapes.items():
+        assert (tree[key]['rows'], tree[key]['cols']) == shape
+        read[key] = np.reshape(tree[key]['data'], shape)
+    assert (tree['image_width'], tree['image_height']) == SIZE
+    assert tree['camera_name'] == 'front_left'
+    assert tree['distortion_model'] == 'rational_polynomial'
+    f, (x, y) = ESTIMATE.camera.focal_px, ESTIMATE.camera.center_px
+    np.testing.assert_array_equal(read['camera_matrix'], [[f, 0, x], [0, f, y], [0, 0, 1]])
+    np.testing.assert_array_equal(read['projection_matrix'][:, :3], read['camera_matrix'])
+    np.testing.assert_array_equal(read['projection_matrix'][:, 3], 0.0)
+    np.testing.assert_array_equal(read['rectification_matrix'], np.eye(3))
+
+
+def test_a_file_of_camera_calibration_is_read(path):
+    path.write_text(OTHERS)
+    back = load_calibration(path)
+    assert back.camera_name == '00b09d01'
+    assert back.estimate is None
+    assert back.model == CameraInfoModel(
+        'plumb_bob',
+        (-0.28, 0.03, 1e-5, -1.5e-4, 0.0),
+        (533.1, 533.2),
+        (342.3, 233.9),
+        0.0,
+        (640, 480),
+    )
+
+
+def test_what_ros_does_without_may_be_missing(path):
+    lines = [line for line in OTHERS.splitlines() if not line.startswith(('camera_name', 'dist'))]
+    at = next(n for n, line in enumerate(OTHERS.splitlines()) if line.startswith('distortion_c'))
+    path.write_text('\n'.join([*lines[: at - 2], 'distortion_coefficients:', *lines[at - 2 :]]))
+    back = load_calibration(path)
+    assert (back.camera_name, back.model.distortion_model) == ('unknown', 'plumb_bob')
+
+
+def test_a_file_that_was_cut_short_is_noticed(path):
+    """Wherever: the last line's end alone may be missing."""
+    save_calibration(path, CALIBRATION)
+    text = path.read_text()
+    for end in (*range(0, len(text) - 1, 29), len(text) - 2):
+        path.write_text(text[:end])
+        with pytest.raises(ConfigError, match=f'^{path}'):
+            load_calibration(path)
+
+
+@pytest.mark.parametrize(
+    ('change', 'complaint'),
+    [
+        (('image_width: 640', ''), 'image_width: expected a whole number > 0, got none'),
+        (('height: 480', 'height: 48.5'), 'image_height: expected a whole number > 0, got 48.5'),
+        (('533.1', '0'), r'camera_matrix\.data: expected focal lengths > 0, got 0.0 and 533.2'),
+        (('533.1', '.nan'), r'camera_matrix\.data: expected a list of 9 finite numbers'),
+        (('533.1, 0,', '533.1,'), r'camera_matrix\.data: expected a list of 9 finite numbers'),
+        (('533.1', 'wide'), r'camera_matrix\.data: expected a list of 9 finite numbers'),
+        (('rows: 3', 'rows: 2'), r'camera_matrix\.rows: expected 3, got 2'),
+        (('cols: 5', 'cols: 4'), r'distortion_coefficients\.cols: expected 5, as data has, got 4'),
+        (('plumb_bob', 'fov'), "distortion_model: expected one of plumb_bob, .*, got 'fov'"),
+        (('plumb_bob', 'equidistant'), r'distortion_coefficients\.data: expected 4 of equidista'),
+        (('projection_matrix:\n', 'projection:\n'), 'projection_matrix: expected keys and values'),
+        (('avg_reprojection_error: 0.2', 'division: 7'), 'division: expected keys and values'),
+        (('image_width: 640', '- 640'), 'expected YAML'),
+    ],
+)
+def test_a_wrong_file_is_described(path, change, complaint):
+    assert change[0] in OTHERS
+    path.write_text(OTHERS.replace(*change, 1))
+    with pytest.raises(ConfigError, match=f'{path}.*{complaint}'):
+        load_calibration(path)
+
+
+@pytest.mark.parametrize(
+    ('change', 'complaint'),
+    [
+        (('views: 17', 'views: 0'), r'division\.views: expected a whole number > 0, got 0'),
+        (('rms_px: 0.21', 'rms_px: -1'), r'division\.rms_px must be finite and ≥ 0, got -1'),
+        (('focal_px: 612', 'focal_px: -612'), r'division\.focal_px must be > 0'),
+        (('k2: 1.0e-07', 'k2: yes'), r'division\.k2: expected a finite number, got True'),
+        (('k2: 1.0e-07', ''), r'division\.k2: expected a finite number, got none'),
+        (('cols: 6', 'cols: 5'), r'division\.covariance\.cols: expected 6, got 5'),
+        (
+            ('residual_px: ', 'residual_px: -'),
+            r'division\.residual_px: expected a finite number ≥',
+        ),
+    ],
+)
+def test_wrong_numbers_of_our_own_are_described(path, change, complaint):
+    save_calibration(path, CALIBRATION)
+    text = path.read_text()
+    assert change[0] in text
+    path.write_text(text.replace(*change, 1))
+    with pytest.raises(ConfigError, match=f'^{path}: {complaint}'):
+        load_calibration(path)
+
+
+def test_no_file_is_no_calibration(tmp_path):
+    with pytest.raises(ConfigError, match='expected a readable file'):
+        load_calibration(tmp_path / 'none.yaml')
+
+
+def test_picture_and_model_are_of_one_size():
+    with pytest.raises(ValueError, match='image_size must be that of the model'):
+        Calibration(image_size=(640, 480), camera_name='x', model=CALIBRATION.model)
+
+
+def test_folders_are_made_and_links_followed(tmp_path):
+    behind = tmp_path / 'a' / 'b' / 'camera.yaml'
+    link = tmp_path / 'link.yaml'
+    link.symlink_to(behind)
+    save_calibration(link, CALIBRATION)
+    assert link.is_symlink()
+    assert load_calibration(behind).camera_name == 'front_left'
+    assert [p.name for p in behind.parent.iterdir()] == ['camera.yaml']
+
+
+def test_a_place_that_cannot_be_written_to_is_named(tmp_path):
+    (tmp_path / 'file').write_text('no folder')
+    with pytest.raises(ConfigError, match='expected a place to write to: Not a directory'):
+        save_calibration(tmp_path / 'file' / 'camera.yaml', CALIBRATION)
+    with pytest.raises(ConfigError, match='expected a place to write to'):
+        save_calibration(tmp_path, CALIBRATION)
+    assert [p.name for p in tmp_path.iterdir()] == ['file']
+
+
+def test_a_disk_that_fills_up_leaves_the_old_file(path):
+    """The limit on a file's size stands in for it: the system refuses the same call."""
+    path.write_text('old')
+    code = f"""
+import resource, signal
+from p4pfr_ros.atomic_files import write_atomically
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+write_atomically({str(path)!r}, 'new' * 1000)
+"""
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
+    assert 'ConfigError' in done.stderr
+    assert 'File too large' in done.stderr
+    assert path.read_text() == 'old'
+    assert [p.name for p in path.parent.iterdir()] == ['camera.yaml']
+
+
+def test_killed_while_saving_leaves_a_whole_file(path):
+    """SIGKILL at some hundredth of a second, of a process that does nothing but save."""
+    texts = ['a' * 3_000_000, 'b' * 2_000_000]
+    write_atomically(path, texts[0])
+    code = f"""
+from p4pfr_ros.atomic_files import write_atomically
+print('ready', flush=True)
+while True:
+    for text in ('a' * 3_000_000, 'b' * 2_000_000):
+        write_atomically({str(path)!r}, text)
+"""
+    for delay_s in (0.013, 0.029, 0.047):
+        process = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE)
+        with process:
+            process.stdout.readline()
+            time.sleep(delay_s)
+            process.send_signal(signal.SIGKILL)
+        assert path.read_text() in texts
+    assert Path(path).stat().st_size in {len(text) for text in texts}

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pose by a camera that somebody else has calibrated."""
+
+import numpy as np
+from p4pfr_ros import DivisionCamera, estimate_pose, Pose, RansacOptions, Stop
+from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros.core.geometry import rotation_angle_rad
+from p4pfr_ros.known_lens import estimate_pose_by_model, undistorted_rays
+import pytest
+
+SIZE = (1280, 960)
+CENTER = (645.0, 470.0)
+PLUMB_BOB = CameraInfoModel(
+    'plumb_bob', (-0.3, 0.12, 1e-3, -8e-4, -0.02), (900.0, 905.0), CENTER, 0.0, SIZE
+)
+MODELS = {
+    'plumb_bob': PLUMB_BOB,
+    'rational_polynomial': CameraInfoModel(
+        'rational_polynomial',
+        (0.8, 0.13, 4e-4, -3e-4, 0.002, 1.05, 0.27, 0.013),
+        (600.0, 602.0),
+        CENTER,
+        0.0,
+        SIZE,
+    ),
+    'equidistant': CameraInfoModel(
+        'equidistant', (-0.02, 0.005, -0.003, 5e-4), (400.0, 401.0), CENTER, 0.0, SIZE
+    ),
+}
+over_models = pytest.mark.parametrize('model', MODELS.values(), ids=MODELS)
+FACING = np.diag([1.0, -1.0, -1.0])
+
+
+def drawn_view(rng, model, n=40):
+    """Draw a pose and n points of a board that the picture shows; without noise."""
+    pose = Pose.from_rotation_vector(rng.uniform(-0.6, 0.6, 3), [*rng.uniform(-0.1, 0.1, 2), 0.6])
+    pose = Pose(pose.rotation @ FACING, pose.translation)
+    reach = 0.35 * 900.0 / model.focal_px[0]
+    board = rng.uniform(-reach, reach, (20 * n, 2))
+    image = model.project(pose.transform(np.pad(board, ((0, 0), (0, 1)))))
+    inside = ((image > 0.0) & (image < SIZE)).all(axis=1)
+    return pose, board[inside][:n], image[inside][:n]
+
+
+@over_models
+def test_without_noise_the_pose_is_exact(model):
+    rng = np.random.default_rng(1)
+    for _ in range(5):
+        pose, board, image = drawn_view(rng, model)
+        estimate = estimate_pose_by_model(image, board, model)
+        found = estimate.model.camera_from_board
+        assert rotation_angle_rad(found.rotation, pose.rotation) < 1e-9
+        np.testing.assert_allclose(found.translation, pose.translation, atol=1e-9)
+        assert estimate.rms_px < 1e-9
+        np.testing.assert_array_equal(estimate.covariance[6:], 0.0)
+
+
+@over_models
+def test_errors_and_covariance_are_in_raw_pixels(model):
+    """Noise of 0.5 px is measured as such, and the covariance holds the errors."""
+    rng = np.random.default_rng(2)
+    n = 60
+    squares, rms_px = [], []
+    for _ in range(n):
+        pose, board, image = drawn_view(rng, model)
+        noisy = image + rng.normal(0.0, 0.5, image.shape)
+        estimate = estimate_pose_by_model(noisy, board, model, RansacOptions(threshold_px=3.0))
+        error = estimate.model.camera_from_board.translation - pose.translation
+        squares.append(error @ np.linalg.solve(estimate.covariance[:3, :3], error))
+        rms_px.append(estimate.rms_px)
+    # Of 80 coordinates, 74 are free; two to a point.
+    assert np.mean(rms_px) == pytest.approx(0.5 * np.sqrt(2.0 * 74 / 80), rel=0.05)
+    assert np.mean(squares) == pytest.approx(3.0, abs=4.0 * np.sqrt(6.0 / n))
+
+
+def test_for_a_division_camera_it_is_the_same_as_the_camera_itself():
+    camera = DivisionCamera(800.0, CENTER, -0.2)
+    model = camera.to_camera_info_model(SIZE)
+    rng = np.random.default_rng(3)
+    _, board, image = drawn_view(rng, model)
+    image += rng.normal(0.0, 0.5, image.shape)
+    image[:5] += 40.0
+    by_model = estimate_pose_by_model(image, board, model)
+    by_camera = estimate_pose(image, board, camera=camera)
+    found, expected = by_model.model.camera_from_board, by_camera.model.camera_from_board
+    assert rotation_angle_rad(found.rotation, expected.rotation) < 1e-6
+    np.testing.assert_allclose(found.translation, expected.translation, atol=1e-6)
+    np.testing.assert_allclose(by_model.covariance, by_camera.covariance, rtol=1e-3, atol=1e-12)
+    np.testing.assert_array_equal(by_model.inliers, by_camera.inliers)
+    assert not by_model.inliers[:5].any()
+
+
+def test_a_pixel_that_the_model_has_no_ray_for_is_an_outlier():
+    # ρ (1 - ρ² / 3) turns back at ρ = 1, where it is 2/3: 600 px from the centre.
+    model = CameraInfoModel('plumb_bob', (-1 / 3, 0, 0, 0), (900.0, 900.0), CENTER, 0.0, SIZE)
+    _, board, image = drawn_view(np.random.default_rng(4), model)
+    image[7] = CENTER[0] + 620.0, CENTER[1]
+    estimate = estimate_pose_by_model(image, board, model)
+    assert estimate.inliers.sum() == 39
+    assert not estimate.inliers[7]
+    blind = np.tile([CENTER[0] + 620.0, CENTER[1]], (40, 1))
+    nothing = estimate_pose_by_model(blind, board, model)
+    assert nothing.model is None
+    assert nothing.stop is Stop.NO_SOLUTION
+    assert nothing.inliers.shape == (40,)
+
+
+def test_undistorted_rays_point_ahead_or_are_nan():
+    model = CameraInfoModel('equidistant', (0, 0, 0, 0), (400.0, 400.0), CENTER, 0.0, SIZE)
+    quarter = 400.0 * np.pi / 4
+    found = undistorted_rays(model, [CENTER, (CENTER[0] + quarter, CENTER[1]), (1279.0, 470.0)])
+    np.testing.assert_allclose(found[:2], [[0.0, 0.0], [1.0, 0.0]], atol=1e-12)
+    assert np.isnan(found[2]).all()
+
+
+@pytest.mark.parametrize(
+    ('image', 'board', 'complaint'),
+    [
+        (np.zeros((3, 2)), np.zeros((3, 2)), 'image_points must be at least 4, got 3'),
+        (np.zeros((4, 3)), np.zeros((4, 2)), 'image_points must have shape'),
+        (np.zeros((5, 2)), np.zeros((4, 2)), 'board_points must have shape'),
+        (np.full((4, 2), np.nan), np.zeros((4, 2)), 'image_points must be finite'),
+    ],
+)
+def test_bad_input_is_refused(image, board, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        estimate_pose_by_model(image, board, PLUMB_BOB)
