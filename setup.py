@@ -35,7 +35,10 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (SHARE, ['package.xml']),
-        (f'{SHARE}/config', glob('config/*.yaml')),
+        (
+            f'{SHARE}/config',
+            [p for kind in ('yaml', 'rviz', 'json') for p in glob(f'config/*.{kind}')],
+        ),
         (f'{SHARE}/config/boards', glob('config/boards/*.yaml')),
         (f'{SHARE}/launch', glob('launch/*.launch.py')),
         # `ros2 run` and launch look for executables here, where pip puts no console script.
@@ -58,8 +61,17 @@ setup(
             'ros-jazzy-rclpy',
             'ros-jazzy-rmw-fastrtps-cpp',
         ],
+        # Recordings, for `p4pfr calibrate --bag`: rosdep has no name for it.
+        'bags': ['rosbags>=0.11'],
         # colcon looks for pytest here: without it, it runs no test and calls that success.
-        'test': ['catkin-pkg', 'hypothesis', 'pytest', 'pytest-timeout', 'pytest-xdist'],
+        'test': [
+            'catkin-pkg',
+            'hypothesis',
+            'pytest',
+            'pytest-timeout',
+            'pytest-xdist',
+            'rosbags>=0.11',
+        ],
         'lint': ['mypy', 'ruff', 'types-PyYAML', *AMENT_LINTERS],
     },
 )

@@ -20,8 +20,7 @@ from p4pfr_ros.core.minimal import workspace
 from p4pfr_ros.core.normalise import board_duals, scale_image
 from p4pfr_ros.core.sextic import coefficients, evaluate, Factors, factors
 from p4pfr_ros.core.synthetic import instances
-
-from .style import STYLE
+from p4pfr_ros.figure_style import STYLE
 
 _DOCS = Path(__file__).parent.parent / 'docs'
 

@@ -10,11 +10,9 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 import numpy as np
 from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.figure_style import BLUE, GREEN, GREY, ORANGE, STYLE
 
 from .published import QUANTILES, RESIDUALS
-from .style import STYLE
-
-BLUE, ORANGE, GREEN, GREY = '#1f5fa8', '#d9722b', '#3a8f5c', '#555555'
 
 # The scatter shows this many solutions at most, ever denser towards the horizon.
 _SHOWN = 4_000

@@ -46,8 +46,22 @@ def image_or_reason(path: str | os.PathLike[str]) -> Picture | str:
     # OpenCV decodes a file that is cut short too, with the rest grey.
     if _is_cut_short(data):
         return 'expected a whole picture, got a file that is cut short'
-    image = _decoded(data)
+    image = decode_image(data)
     return 'expected a picture (png, jpg, ...), got something else' if image is None else image
+
+
+def decode_image(data: bytes) -> Picture | None:
+    """Decode a file's bytes as `read_image` does; None where they are no picture."""
+    if not data:
+        return None
+    try:
+        image = cv2.imdecode(
+            np.frombuffer(data, dtype=np.uint8),
+            cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION,
+        )
+    except cv2.error:
+        return None
+    return None if image is None else np.asarray(image, dtype=np.uint8)
 
 
 def write_image(path: str | os.PathLike[str], image: Picture) -> None:
@@ -86,16 +100,3 @@ def _scan_at(data: bytes) -> int:
         is_padding = data[at + 1] == 0xFF
         at += 1 if is_padding else 2 + int.from_bytes(data[at + 2 : at + 4], 'big')
     return at
-
-
-def _decoded(data: bytes) -> Picture | None:
-    if not data:
-        return None
-    try:
-        image = cv2.imdecode(
-            np.frombuffer(data, dtype=np.uint8),
-            cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION,
-        )
-    except cv2.error:
-        return None
-    return None if image is None else np.asarray(image, dtype=np.uint8)

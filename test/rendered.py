@@ -20,15 +20,28 @@ TURN_RAD = math.radians(TILT_DEG) * np.array([0.6, 0.8, 0.0])
 AT_M = np.array([0.01, -0.02, 0.5])
 
 
-def write_scene(path, board_file, *, turn_rad=TURN_RAD, at_m=AT_M, size=(640, 480)):
+def write_scene(path, board_file, *, turn_rad=TURN_RAD, at_m=AT_M, size=(640, 480), seed=3):
     """Render a board, turned from head-on, and return its true camera_from_board."""
     width, height = size
     camera = DivisionCamera(FOCAL_PX, ((width - 1) / 2, (height - 1) / 2), K)
     turn = Pose.from_rotation_vector(turn_rad, at_m)
     pose = Pose(turn.rotation @ np.diag([1.0, -1.0, -1.0]), turn.translation)
-    image = render(load_board(board_file), camera, pose, size, noise_sigma=1.0, seed=3)
+    image = render(load_board(board_file), camera, pose, size, noise_sigma=1.0, seed=seed)
     write_image(path, image)
     return pose
+
+
+def write_views(folder, count):
+    """Render the chessboard from count sides, all over the picture; return the paths."""
+    rng = np.random.default_rng(4)
+    paths = [folder / f'view{i:02}.png' for i in range(count)]
+    for i, path in enumerate(paths):
+        around = 2.4 * i  # the golden angle, nearly: no two are alike
+        tilt = 0.35 + 0.3 * rng.random()
+        turn_rad = (tilt * math.cos(around), tilt * math.sin(around), rng.uniform(-0.5, 0.5))
+        at_m = (0.08 * math.cos(1.7 * i), 0.05 * math.sin(1.7 * i), rng.uniform(0.28, 0.38))
+        write_scene(path, CHESSBOARD, turn_rad=np.array(turn_rad), at_m=np.array(at_m), seed=i)
+    return paths
 
 
 def write_empty(path):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``p4pfr``: print a board, estimate from pictures, watch the demo. Without ROS."""
+"""The command ``p4pfr``: boards on paper, poses and cameras from pictures, a demo. Without ROS."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import os
 import sys
 
 from p4pfr_ros import __version__
-from p4pfr_ros.cli import board, demo, estimate
+from p4pfr_ros.cli import board, calibrate, demo, estimate
 from p4pfr_ros.files import ConfigError
 
 # What a shell reports of a program that SIGINT or SIGPIPE ended: 128 + the signal's number.
@@ -42,6 +42,6 @@ def _parser() -> argparse.ArgumentParser:
     version = f'p4pfr_ros {__version__}'
     parser.add_argument('--version', action='version', version=version)
     commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
-    for command in (estimate, board, demo):
+    for command in (estimate, calibrate, board, demo):
         command.add_parser(commands)
     return parser

@@ -25,6 +25,14 @@ def positive(text: str) -> float:
     return value
 
 
+def count(text: str) -> int:
+    """Read a whole number from 1."""
+    value = int(text)
+    if value < 1:
+        raise ValueError
+    return value
+
+
 def seed(text: str) -> int:
     """Read the seed of a random generator, as large as the nodes' parameters may be."""
     value = int(text)

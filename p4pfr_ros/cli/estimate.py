@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 import sys
 
@@ -12,6 +11,7 @@ from p4pfr_ros import RansacOptions
 from p4pfr_ros.cli.answers import Answer, NoAnswer
 from p4pfr_ros.cli.arguments import finite, positive, seed
 from p4pfr_ros.cli.pictures import answer_from, check_names, find_pictures, Question
+from p4pfr_ros.cli.progress import with_progress
 from p4pfr_ros.cli.report import print_json_line, print_table
 from p4pfr_ros.files import ConfigError, load_board
 
@@ -87,7 +87,7 @@ def run(arguments: argparse.Namespace) -> int:
         check_names(paths)
     answers: list[Answer] = []
     failures: list[NoAnswer] = []
-    for path in _with_progress(paths, arguments.json):
+    for path in with_progress(paths, len(paths), prints=arguments.json):
         answer = answer_from(path, question)
         if arguments.json:
             print_json_line(answer)
@@ -129,22 +129,3 @@ def _options(arguments: argparse.Namespace) -> RansacOptions:
         )
     except ValueError as error:  # a prior's sigma, say, that is no sigma
         raise ConfigError(str(error)) from None
-
-
-def _with_progress(paths: Sequence[Path], json: bool) -> Iterator[Path]:
-    """Go through the paths, with a bar on stderr where a person waits for many."""
-    lines_on_screen = json and sys.stdout.isatty()
-    if len(paths) < 2 or lines_on_screen or not sys.stderr.isatty():
-        yield from paths
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    # Unredirected: or what is printed meanwhile would go where the bar is, to stderr.
-    with Progress(
-        console=Console(stderr=True),
-        transient=True,
-        redirect_stdout=False,
-        redirect_stderr=False,
-    ) as progress:
-        yield from progress.track(paths, description='pictures')

@@ -13,11 +13,11 @@ import cv2
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 from p4pfr_ros import Pose, Solution
+from p4pfr_ros.places import check_place
 from p4pfr_ros.ros import demo
 from p4pfr_ros.ros.conversions import Correspondences, image_msg
 from p4pfr_ros.ros.demo.children import Children
 from p4pfr_ros.ros.demo.monitor import Monitor
-from p4pfr_ros.ros.demo.picture import check_place
 from p4pfr_ros.ros.demo.views import Errors, median_errors, tilt_deg, View
 import pytest
 import rclpy

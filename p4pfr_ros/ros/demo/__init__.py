@@ -17,6 +17,7 @@ import time
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.boards import Board
 from p4pfr_ros.files import ConfigError, load_board
+from p4pfr_ros.places import check_place
 from p4pfr_ros.rendering import render
 import rclpy
 from rclpy.signals import SignalHandlerOptions
@@ -24,7 +25,7 @@ from rich.console import Console
 
 from .children import Children
 from .monitor import Monitor
-from .picture import check_place, write_picture
+from .picture import write_picture
 from .table import Screen
 from .views import Errors, median_errors, View
 from ..simulated_path import SimulatedPath
@@ -125,7 +126,8 @@ def _start(console: Console, children: Children, board_file: Path) -> None:
         'camera.width_px': IMAGE_SIZE[0],
         'camera.height_px': IMAGE_SIZE[1],
     }
-    children.start('pose_node')
+    # Each view by itself: the table shows what a single one tells.
+    children.start('pose_node', {'intrinsics.mode': 'per_frame'})
     children.start('detector_node', {'board_file': board_file})
     children.start('camera_simulator', {'board_file': board_file, 'rate_hz': RATE_HZ} | camera)
     console.print('started camera_simulator, detector_node and pose_node')

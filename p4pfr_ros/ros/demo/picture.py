@@ -10,30 +10,9 @@ import numpy as np
 from p4pfr_ros.boards import Board
 from p4pfr_ros.detection import Detection
 from p4pfr_ros.drawing import annotate, straighten
-from p4pfr_ros.files import ConfigError
 from p4pfr_ros.image_files import write_image
 
 from .views import View
-
-
-def check_place(path: Path) -> None:
-    """
-    See that a picture can be written there, before anybody waits for it.
-
-    Raises
-    ------
-    ConfigError
-        It cannot.
-
-    """
-    was_there = path.exists()
-    try:
-        with path.open('ab'):
-            pass
-    except OSError as error:
-        raise ConfigError(f'{path}: expected a place to write to: {error.strerror}') from None
-    if not was_there:
-        path.unlink()
 
 
 def write_picture(path: Path, view: View, board: Board) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
+BLUE, ORANGE, GREEN, GREY = '#1f5fa8', '#d9722b', '#3a8f5c', '#555555'
+
 STYLE: Any = {
     'font.size': 9,
     'axes.spines.top': False,

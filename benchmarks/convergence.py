@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+How a real camera calibrates itself, photograph by photograph; draws docs/convergence.png.
+
+    P4PFR_DATA=FOLDER python -m benchmarks.convergence [--output FILE]
+
+The folder holds left01.jpg to left14.jpg, OpenCV's photographs of a chessboard. OpenCV's own
+calibration, of all of them at once, stands beside: from the same corners and from its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+import os
+from pathlib import Path
+
+import cv2
+import matplotlib as mpl
+from matplotlib.figure import Figure
+import numpy as np
+from p4pfr_ros import CameraEstimate, RansacOptions
+from p4pfr_ros.boards import Board
+from p4pfr_ros.calibration_history import draw_history
+from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.detection import detect
+from p4pfr_ros.figure_style import STYLE
+from p4pfr_ros.files import load_board
+from p4pfr_ros.image_files import Picture, read_image
+from p4pfr_ros.picture_calibration import NamedPicture, PictureCalibration, Sighting
+
+_ROOT = Path(__file__).parent.parent
+_BOARD = _ROOT / 'config/boards/chessboard_9x6_25mm.yaml'
+_FIGURE = _ROOT / 'docs/convergence.png'
+_PATTERN = (9, 6)
+# How OpenCV's documentation refines a corner: half of the window, then when to stop.
+_WINDOW_PX = (5, 5)
+_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 30, 0.01)
+
+Camera = tuple[float, float, float]  # focal length and centre, pixels
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Calibrate, print the table, draw the figure."""
+    parser = argparse.ArgumentParser(prog='python -m benchmarks.convergence', description=__doc__)
+    parser.add_argument('--output', type=Path, default=_FIGURE, metavar='FILE')
+    output = parser.parse_args(arguments).output
+    if 'P4PFR_DATA' not in os.environ:
+        parser.error('expected the environment variable P4PFR_DATA to name the folder')
+    board = load_board(_BOARD)
+    photos = read_photos(Path(os.environ['P4PFR_DATA']))
+    sightings = converge(photos, board)
+    peers = {
+        'OpenCV, same corners': opencv(photos, board, [_ours(p, board) for p in photos.values()]),
+        'OpenCV, its own corners': opencv(photos, board, [_theirs(p) for p in photos.values()]),
+    }
+    _print_table(sightings, peers)
+    _draw(sightings, peers, output)
+    return 0
+
+
+def read_photos(folder: Path) -> dict[str, Picture]:
+    """Read the photographs, by name, in the order of their names."""
+    return {path.name: read_image(path) for path in sorted(folder.glob('left*.jpg'))}
+
+
+def converge(photos: Mapping[str, Picture], board: Board) -> list[Sighting]:
+    """Show the photographs to a calibration, one after another."""
+    pictures = PictureCalibration(board, RansacOptions())
+    for name, photo in photos.items():
+        pictures.look_at(NamedPicture(name, photo))
+    return pictures.sightings
+
+
+def opencv(photos: Mapping[str, Picture], board: Board, corners_px: Sequence[Array]) -> Camera:
+    """Calibrate by OpenCV: all photographs at once, square pixels, five coefficients."""
+    height, width = next(iter(photos.values())).shape[:2]
+    on_board = np.pad(board.points, ((0, 0), (0, 1))).astype(np.float32)
+    _, matrix, *_ = cv2.calibrateCamera(
+        [on_board] * len(photos),
+        [corners.astype(np.float32) for corners in corners_px],
+        (width, height),
+        np.eye(3),  # of which fx / fy is taken, as it is to be fixed
+        None,
+        flags=cv2.CALIB_FIX_ASPECT_RATIO,
+    )
+    return float(matrix[0, 0]), float(matrix[0, 2]), float(matrix[1, 2])
+
+
+def _ours(photo: Picture, board: Board) -> Array:
+    found = detect(photo, board)
+    return found.image_points[np.argsort(found.ids)]
+
+
+def _theirs(photo: Picture) -> Array:
+    grey = cv2.cvtColor(photo, cv2.COLOR_BGR2GRAY)
+    _, rough = cv2.findChessboardCorners(grey, _PATTERN)
+    corners: Array = cv2.cornerSubPix(grey, rough, _WINDOW_PX, (-1, -1), _STOP).reshape(-1, 2)
+    # Its board may be upside down, or its mirror image: with square cells, all is one to it.
+    return corners
+
+
+def _print_table(sightings: Sequence[Sighting], peers: Mapping[str, Camera]) -> None:
+    print(_row('', 'focal length, px', 'centre x, px', 'centre y, px'))
+    for seen in sightings:
+        if seen.fused is not None:
+            print(_row(seen.name, *_with_sigmas(seen.fused)))
+    for name, values in peers.items():
+        print(_row(name, *(f'{value:.2f}       ' for value in values)))
+    last = sightings[-1].fused
+    if last is not None:
+        print(f'{last.views} views kept, rms {last.rms_px:.3f} px')
+
+
+def _row(name: str, *cells: str) -> str:
+    return f'{name:24}' + ''.join(f'{cell:>18}' for cell in cells)
+
+
+def _with_sigmas(fused: CameraEstimate) -> list[str]:
+    values = (fused.camera.focal_px, *fused.camera.center_px)
+    sigmas = (fused.focal_sigma_px, *fused.center_sigma_px)
+    return [f'{value:.2f} ± {sigma:.2f}' for value, sigma in zip(values, sigmas, strict=True)]
+
+
+def _draw(sightings: Sequence[Sighting], peers: Mapping[str, Camera], output: Path) -> None:
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(12.0, 3.6), layout='constrained')
+        draw_history(figure, sightings, peers)
+        figure.savefig(output, dpi=110)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())
