@@ -30,7 +30,7 @@ from p4pfr_ros.image_files import Picture, read_image
 from p4pfr_ros.picture_calibration import NamedPicture, PictureCalibration, Sighting
 
 _ROOT = Path(__file__).parent.parent
-_BOARD = _ROOT / 'config/boards/chessboard_9x6_25mm.yaml'
+BOARD = _ROOT / 'config/boards/chessboard_9x6_25mm.yaml'
 _FIGURE = _ROOT / 'docs/convergence.png'
 _PATTERN = (9, 6)
 # How OpenCV's documentation refines a corner: half of the window, then when to stop.
@@ -47,12 +47,15 @@ def main(arguments: list[str] | None = None) -> int:
     output = parser.parse_args(arguments).output
     if 'P4PFR_DATA' not in os.environ:
         parser.error('expected the environment variable P4PFR_DATA to name the folder')
-    board = load_board(_BOARD)
+    board = load_board(BOARD)
     photos = read_photos(Path(os.environ['P4PFR_DATA']))
     sightings = converge(photos, board)
     peers = {
-        'OpenCV, same corners': opencv(photos, board, [_ours(p, board) for p in photos.values()]),
-        'OpenCV, its own corners': opencv(photos, board, [_theirs(p) for p in photos.values()]),
+        name: opencv(photos, board, [corners(photo) for photo in photos.values()])
+        for name, corners in (
+            ('OpenCV, same corners', lambda photo: corners_of(photo, board)),
+            ('OpenCV, its own corners', _theirs),
+        )
     }
     _print_table(sightings, peers)
     _draw(sightings, peers, output)
@@ -87,7 +90,8 @@ def opencv(photos: Mapping[str, Picture], board: Board, corners_px: Sequence[Arr
     return float(matrix[0, 0]), float(matrix[0, 2]), float(matrix[1, 2])
 
 
-def _ours(photo: Picture, board: Board) -> Array:
+def corners_of(photo: Picture, board: Board) -> Array:
+    """Return our corners of a photograph, (N, 2) px, in the order of the board's points."""
     found = detect(photo, board)
     return found.image_points[np.argsort(found.ids)]
 

@@ -3,18 +3,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
 
 import numpy as np
 
+from .calibration_view import CalibrationView, camera_of, lens_of
 from .camera import DivisionCamera
+from .fit_views import fit_views
 from .geometry import Array, Pose
+from .joint_fit import Knowledge
+from .lens import LENS_SIZE
+from .prepare import prepare
 from .synthetic import IMAGE_SIZE, tilted
 from .views import View
 
 _FOCAL_PX = (500.0, 1500.0)
 _BEND = (-0.5, 0.0)  # k r² at the corner of the picture
 _CORNER_PX = 0.5 * math.hypot(*IMAGE_SIZE)
+_MIDDLE_PX = (0.5 * (IMAGE_SIZE[0] - 1.0), 0.5 * (IMAGE_SIZE[1] - 1.0))
+
+# A noise whose gate no error is beyond, px.
+_NO_GATE_PX = 1000.0
 
 # Of the optical centre from the middle of the picture, as a share of its diagonal.
 CENTER_SPREAD = 0.03
@@ -23,8 +33,7 @@ CENTER_SPREAD = 0.03
 def drawn_camera(rng: np.random.Generator) -> DivisionCamera:
     """Draw a camera for pictures of ``IMAGE_SIZE``, its centre off the middle as lenses' are."""
     focal_px = math.exp(rng.uniform(*np.log(_FOCAL_PX)))
-    middle_px = 0.5 * (np.array(IMAGE_SIZE) - 1.0)
-    x, y = rng.normal(middle_px, CENTER_SPREAD * math.hypot(*IMAGE_SIZE))
+    x, y = rng.normal(_MIDDLE_PX, CENTER_SPREAD * math.hypot(*IMAGE_SIZE))
     return DivisionCamera(focal_px, (x, y), rng.uniform(*_BEND) * (focal_px / _CORNER_PX) ** 2)
 
 
@@ -70,3 +79,18 @@ def grid(columns: int, rows: int) -> Array:
     x = np.linspace(-0.5, 0.5, columns)
     y = (np.arange(rows) - 0.5 * (rows - 1)) / (columns - 1)
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def fit_from_the_truth(views: Sequence[View]) -> DivisionCamera:
+    """Return the best there is: full bundle adjustment from the truth, on the true inliers."""
+    held, rows = [], []
+    for view in views:
+        image, board = view.image_points[~view.outlier], view.board_points[~view.outlier]
+        scaled = prepare(image, board, IMAGE_SIZE, _MIDDLE_PX, None)
+        held.append(CalibrationView(image, board, scaled, None))
+        rows.append(held[-1].row_from_pose(view.camera_from_board))
+    nothing = Knowledge(np.zeros(LENS_SIZE), np.zeros((LENS_SIZE, LENS_SIZE)))
+    lens = lens_of(views[0].camera, _MIDDLE_PX)
+    return camera_of(
+        fit_views(held, np.array(rows), lens, 1, nothing, sigma_px=_NO_GATE_PX).lens, _MIDDLE_PX
+    )

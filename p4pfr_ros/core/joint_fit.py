@@ -153,7 +153,7 @@ def gate_of(variance: float) -> float:
 
 def inverse_of(information: Array) -> Array:
     """Invert a symmetric matrix of mixed units; what it does not hold gets a huge variance."""
-    size = np.sqrt(np.diag(information))
+    size = np.sqrt(np.maximum(np.diag(information), 0.0))  # rounding may take it below
     size = np.where(size > 0.0, size, 1.0)
     scale = np.outer(size, size)
     held = information / scale + _NO_INFORMATION * np.eye(len(size))

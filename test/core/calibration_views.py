@@ -1,14 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Views to calibrate from, and the full bundle adjustment that knows the truth."""
+"""Views to calibrate from."""
 
 import numpy as np
 from p4pfr_ros import SelfCalibration
-from p4pfr_ros.core.calibration_view import CalibrationView, lens_of
+from p4pfr_ros.core.calibration_view import lens_of
 from p4pfr_ros.core.camera_views import camera_view, drawn_camera, grid
-from p4pfr_ros.core.fit_views import fit_views
 from p4pfr_ros.core.jit import COMPILED
-from p4pfr_ros.core.joint_fit import Knowledge
-from p4pfr_ros.core.prepare import prepare
 from p4pfr_ros.core.synthetic import IMAGE_SIZE
 import pytest
 
@@ -50,17 +47,3 @@ def verdicts(calibration, views):
 def error(camera, truth):
     """Return the difference of two cameras' numbers (6,): focal_px, centre px, k, k2, k3."""
     return lens_of(camera, MIDDLE_PX) - lens_of(truth, MIDDLE_PX)
-
-
-def from_the_truth(camera, views):
-    """Return the error (6,) of full bundle adjustment from the truth on the true inliers."""
-    held, rows = [], []
-    for view in views:
-        image, board = view.image_points[~view.outlier], view.board_points[~view.outlier]
-        scaled = prepare(image, board, IMAGE_SIZE, MIDDLE_PX, None)
-        held.append(CalibrationView(image, board, scaled, None))
-        rows.append(held[-1].row_from_pose(view.camera_from_board))
-    nothing = Knowledge(np.zeros(6), np.zeros((6, 6)))
-    lens = lens_of(camera, MIDDLE_PX)
-    # So wide a gate that nothing is beyond it.
-    return fit_views(held, np.array(rows), lens, 1, nothing, sigma_px=100.0).lens - lens

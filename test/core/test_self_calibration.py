@@ -6,7 +6,6 @@ from calibration_views import (
     calibrated,
     drawn,
     error,
-    from_the_truth,
     MARKER,
     takes_long,
     views_of,
@@ -21,6 +20,7 @@ from p4pfr_ros import (
     Stop,
     Verdict,
 )
+from p4pfr_ros.core.camera_views import fit_from_the_truth
 from p4pfr_ros.core.synthetic import IMAGE_SIZE
 import pytest
 
@@ -45,7 +45,7 @@ def test_errors_are_those_of_full_bundle_adjustment_from_the_truth(thirty):
         return np.abs([found[0] / camera.focal_px, np.hypot(found[1], found[2]), bend * found[3]])
 
     ours = [sizes(error(c.fused.camera, camera), camera) for camera, _, c in thirty]
-    best = [sizes(from_the_truth(camera, views), camera) for camera, views, _ in thirty]
+    best = [sizes(error(fit_from_the_truth(views), camera), camera) for camera, views, _ in thirty]
     assert (np.median(ours, axis=0) < 1.15 * np.median(best, axis=0)).all()
 
 

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Self-calibration in three tables: how good, how fast, and on lenses that are not of our model.
+
+    python -m benchmarks.calibration [--cameras N] [--markdown FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import math
+from pathlib import Path
+import time
+
+import cv2
+import numpy as np
+from p4pfr_ros import DivisionCamera, SelfCalibration
+from p4pfr_ros.core.camera_views import camera_view, drawn_camera, fit_from_the_truth, grid
+from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.core.synthetic import IMAGE_SIZE
+from p4pfr_ros.core.views import View
+from rich.progress import track
+
+from .calibration_wide import wide_rows
+
+_CORNER_PX = 0.5 * math.hypot(*IMAGE_SIZE)
+_MORE_VIEWS = 20
+
+Table = tuple[str, Sequence[str], list[list[str]]]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(prog='python -m benchmarks.calibration', description=__doc__)
+    parser.add_argument('--cameras', type=int, default=100, help='default: %(default)s')
+    parser.add_argument('--markdown', type=Path, metavar='FILE', help='write the tables there too')
+    options = parser.parse_args(arguments)
+    cv2.setNumThreads(1)
+    tables = [_errors_table(options.cameras), _time_table(), wide_rows(options.cameras // 10)]
+    text = '# Self-calibration, measured\n\nWritten by `python -m benchmarks.calibration`.\n'
+    text += ''.join(_markdown(*table) for table in tables)
+    print(text)
+    if options.markdown:
+        options.markdown.write_text(text)
+    return 0
+
+
+def _errors_table(cameras: int) -> Table:
+    """Compare with full bundle adjustment from the truth."""
+    ours, best, squares = [], [], []
+    for seed in track(range(cameras), 'cameras', transient=True):
+        rng = np.random.default_rng(seed)
+        camera = drawn_camera(rng)
+        views = [camera_view(rng, camera, grid(6, 4), outlier_share=0.1) for _ in range(30)]
+        calibration = SelfCalibration(IMAGE_SIZE)
+        for view in views:
+            calibration.update(view.image_points, view.board_points)
+        fused = calibration.fused
+        if fused is None:
+            raise RuntimeError(f'no camera from the views of seed {seed}')
+        ours.append(_sizes(fused.camera, camera))
+        best.append(_sizes(fit_from_the_truth(views), camera))
+        off = _off(fused.camera, camera)
+        squares.append(off @ np.linalg.solve(fused.covariance[:4, :4], off))
+    medians = [np.median(errors, axis=0) for errors in (ours, best)]
+    names = ('focal length, %', 'centre, px', 'bend of the corner k r²')
+    rows = [
+        [name, f'{a:.4f}', f'{b:.4f}', f'{a / b:.2f}']
+        for name, a, b in zip(names, *medians, strict=True)
+    ]
+    rows.append(['mean normalised squared error', f'{np.mean(squares):.2f}', '4 in truth', ''])
+    title = f'Median errors, {cameras} cameras: 30 views of 24 points, 0.5 px, 10 % outliers'
+    return title, ('', 'SelfCalibration', 'full bundle adjustment from the truth', 'ratio'), rows
+
+
+def _off(found: DivisionCamera, truth: DivisionCamera) -> Array:
+    x, y = np.subtract(found.center_px, truth.center_px)
+    return np.array([found.focal_px - truth.focal_px, x, y, found.k - truth.k])
+
+
+def _sizes(found: DivisionCamera, truth: DivisionCamera) -> Array:
+    focal_px, x, y, k = np.abs(_off(found, truth))
+    bend = k * (_CORNER_PX / truth.focal_px) ** 2
+    return np.array([100.0 * focal_px / truth.focal_px, math.hypot(x, y), bend])
+
+
+def _time_table() -> Table:
+    """Time updates with a full set of views, and OpenCV on the same set."""
+    rng = np.random.default_rng(0)
+    camera = DivisionCamera(800.0, (650.0, 470.0), -0.2)
+    views = [camera_view(rng, camera, grid(9, 6)) for _ in range(40 + _MORE_VIEWS)]
+    calibration = SelfCalibration(IMAGE_SIZE)
+    for view in views[:40]:
+        calibration.update(view.image_points, view.board_points)
+    new = [_seconds(calibration, view) for view in views[40:]]
+    known = [_seconds(calibration, view) for view in views[40:] * 10]
+    begin = time.process_time()
+    _opencv(views[20:])
+    opencv = time.process_time() - begin
+    rows = [
+        [name, f'{1e3 * np.median(seconds):.2f}', f'{opencv / np.median(seconds):.0f}']
+        for name, seconds in (
+            ('a new view, which replaces one of 40', new),
+            ('a view that tells nothing new', known),
+            ('cv2.calibrateCamera, 40 views at once', [opencv]),
+        )
+    ]
+    return 'One update, 40 views of 54 points', ('', 'median, ms of CPU', 'times as fast'), rows
+
+
+def _seconds(calibration: SelfCalibration, view: View) -> float:
+    begin = time.process_time()
+    calibration.update(view.image_points, view.board_points)
+    return time.process_time() - begin
+
+
+def _opencv(views: Sequence[View]) -> None:
+    """Call cv2.calibrateCamera with its five coefficients."""
+    points = [np.pad(v.board_points, ((0, 0), (0, 1))).astype(np.float32) for v in views]
+    image = [v.image_points.astype(np.float32) for v in views]
+    cv2.calibrateCamera(points, image, IMAGE_SIZE, None, None)
+
+
+def _markdown(title: str, header: Sequence[str], rows: list[list[str]]) -> str:
+    lines = [f'| {" | ".join(row)} |' for row in (list(header), *rows)]
+    lines.insert(1, '|--' * len(header) + '|')
+    return f'\n## {title}\n\n' + '\n'.join(lines) + '\n'
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

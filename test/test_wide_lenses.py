@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fisheye lenses, which are not of our model: OpenCV's equidistant one, computed and rendered."""
+
+import math
+
+import cv2
+import numpy as np
+from p4pfr_ros import CalibrationState, estimate_pose, RansacOptions, SelfCalibration
+from p4pfr_ros.boards import Chessboard
+from p4pfr_ros.core.camera_views import camera_view, grid
+from p4pfr_ros.core.synthetic import IMAGE_SIZE
+from p4pfr_ros.detection import detect
+from p4pfr_ros.rendering import Renderer
+import pytest
+
+BOARD = grid(20, 10)
+NOISE_PX = 0.3
+CORNER_PX = 800.0
+
+
+class Fisheye:
+    """OpenCV's fisheye lens: the distance in the picture goes with the angle from the axis."""
+
+    def __init__(self, fov_deg, center_px=(646.0, 472.0)):
+        self.half_rad = math.radians(0.5 * fov_deg)
+        self.focal_px = CORNER_PX / self.half_rad
+        self.center_px = center_px
+
+    def project(self, points_in_camera):
+        """Project points (..., 3); NaN beyond the field of view."""
+        points = np.asarray(points_in_camera, dtype=np.float64)
+        angle = np.arctan2(np.hypot(points[..., 0], points[..., 1]), points[..., 2])
+        safe = np.where((angle < self.half_rad)[..., None], points, (0.0, 0.0, 1.0))
+        f, (x, y) = self.focal_px, self.center_px
+        k = np.array([[f, 0.0, x], [0.0, f, y], [0.0, 0.0, 1.0]])
+        zero = np.zeros(3)
+        pixels, _ = cv2.fisheye.projectPoints(safe.reshape(-1, 1, 3), zero, zero, k, np.zeros(4))
+        seen = (angle < self.half_rad)[..., None]
+        return np.where(seen, pixels.reshape(*points.shape[:-1], 2), np.nan)
+
+    def unproject(self, points_px):
+        """Return rays (..., 3)."""
+        d = (np.asarray(points_px) - self.center_px) / self.focal_px
+        angle = np.linalg.norm(d, axis=-1, keepdims=True)
+        return np.concatenate([np.sinc(angle / np.pi) * d, np.cos(angle)], axis=-1)
+
+
+def views_of(lens, count, seed):
+    rng = np.random.default_rng(seed)
+    how = {'noise_px': NOISE_PX, 'tilt_deg': (0.0, 60.0), 'distance': (0.35, 1.2)}
+    return [camera_view(rng, lens, BOARD, **how) for _ in range(count)]
+
+
+@pytest.mark.parametrize(('fov_deg', 'times'), [(100, 1.3), (130, 1.3), (150, 1.6)])
+@pytest.mark.parametrize('seed', [0, 1])
+def test_a_fisheye_lens_is_fitted_by_as_many_terms_as_it_wants(fov_deg, times, seed):
+    lens = Fisheye(fov_deg)
+    calibration = SelfCalibration(IMAGE_SIZE)
+    for view in views_of(lens, 18, seed):
+        calibration.update(view.image_points, view.board_points)
+    camera = calibration.fused.camera
+    assert calibration.state is CalibrationState.CALIBRATED
+    assert camera.k2 != 0.0
+    assert camera.focal_px == pytest.approx(lens.focal_px, rel=0.01)
+    assert abs(camera.focal_px - lens.focal_px) < 4.0 * calibration.fused.focal_sigma_px
+    squares = []
+    for view in views_of(lens, 10, 100 + seed):  # not used in the fit
+        estimate = estimate_pose(
+            view.image_points,
+            view.board_points,
+            camera=camera,
+            options=RansacOptions(threshold_px=50.0),
+        )
+        points = np.pad(view.board_points, ((0, 0), (0, 1)))
+        seen = camera.project(estimate.model.camera_from_board.transform(points))
+        squares.append(np.sum((seen - view.image_points) ** 2, axis=1))
+    assert np.sqrt(np.mean(squares)) < times * math.sqrt(2.0) * NOISE_PX
+
+
+@pytest.mark.parametrize('fov_deg', [100, 130, 150])
+def test_rendered_pictures_through_a_fisheye_lens_calibrate_it(fov_deg):
+    lens = Fisheye(fov_deg)
+    board = Chessboard(columns=9, rows=6, square_m=0.1)
+    renderer = Renderer(lens, IMAGE_SIZE)
+    calibration = SelfCalibration(IMAGE_SIZE)
+    # The camera looks at the whole sheet.
+    half = 0.5 * np.array(board.sheet_size_m)
+    sheet = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, 0]])
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        view = camera_view(rng, lens, sheet, noise_px=0.0, tilt_deg=(10, 45), distance=(0.4, 0.8))
+        picture = renderer.render(
+            board, view.camera_from_board, noise_sigma=2.0, blur_sigma_px=0.5, seed=1
+        )
+        found = detect(picture, board)
+        if not found.reason:
+            calibration.update(found.image_points, found.board_points)
+    assert len(calibration.views) >= 8
+    assert calibration.fused.rms_px < 0.2
+    assert calibration.fused.camera.focal_px == pytest.approx(lens.focal_px, rel=0.01)
+    assert np.abs(np.subtract(calibration.fused.camera.center_px, lens.center_px)).max() < 1.0
