@@ -17,16 +17,19 @@ from .camera_estimate import CameraEstimate
 from .camera_knowledge import common_camera, order_of, saved_camera
 from .changes import Changes
 from .estimate import PoseEstimate, RansacOptions, Stop
+from .fit_views import fit_views
 from .fused_answer import fused_answer, seen_by_fit
 from .geometry import Pose
-from .joining import explained_anew, with_view
-from .joint_fit import JointFit, Knowledge, unfitted
+from .information import Knowledge
+from .joining import explained_anew, settled, with_view
+from .joint_fit import JointFit, unfitted
 from .kept_views import kept_views
+from .lone_answer import lone_answer
 from .prepare import prepare
 from .progress import state_of
 from .sighting import Sighting
 from .uncertainty import DEFAULT_SIGMA_PX
-from .view_choice import distance_to_views_px, tells_focal
+from .view_choice import distance_to_views_px, is_worth_a_fit, tells_focal
 
 # A changed camera's lens is as sharp as before: its noise is no more than so many variances.
 _AS_SHARP = 4.0
@@ -86,6 +89,8 @@ class SelfCalibration:
         self._common = common_camera(self.image_size, self.options.center_spread, self.robust)
         self._changes = Changes(self.options.outliers_to_restart)
         self._last_poses: tuple[Pose, ...] = ()
+        self._knowledge = self._fitted = self._common
+        self._fit: JointFit
         self._start(self._common, None)
 
     def reset(self) -> None:
@@ -145,14 +150,28 @@ class SelfCalibration:
         if sighting.agrees and not self._is_new(sighting, self._poses):
             self._agreed(sighting, Verdict.KNOWN)
         elif sighting.explained:
-            fit = with_view(sighting, self._knowledge, self.options.max_views)
-            if fit is not None:
-                self._take(fit)
+            joined = with_view(sighting, self._knowledge, self.options.max_views)
+            if joined is not None:
+                self._take(*joined)
                 self._agreed(sighting, Verdict.KEPT)
             elif sighting.agrees:
-                self._agreed(sighting, Verdict.KNOWN)
+                self._agreed(sighting, self._remembered(sighting))
             else:
                 self._disagreed(sighting)
+
+    def _remembered(self, sighting: Sighting) -> Verdict:
+        """Remember what a view tells that is not worth one of the kept ones' places."""
+        seen, fit = sighting.by_fit, self._fit
+        if seen is None or not self._is_new(sighting, self._last_poses):
+            return Verdict.KNOWN
+        known = self._knowledge.remembering(seen.told, seen.pull, fit.lens, fit.variance)
+        self._knowledge = known
+        more = fit.variance * (known.information - self._fitted.information)
+        if not is_worth_a_fit(fit, more):
+            return Verdict.KNOWN
+        again = fit_views(fit.views, fit.poses, fit.lens, fit.order, known, self.robust.sigma_px)
+        self._take(settled(again, known, self.robust.sigma_px), known)
+        return Verdict.KEPT
 
     def _is_new(self, sighting: Sighting, poses: Sequence[Pose]) -> bool:
         """Say whether a view has the board where none of these poses has it."""
@@ -166,11 +185,13 @@ class SelfCalibration:
 
     def _agreed(self, sighting: Sighting, verdict: Verdict) -> None:
         self.verdict = verdict
-        # A view from straight ahead agrees with any focal length. And one look, though it may last
-        # for hours, is no more than one.
+        # One look, though it may last for hours, is no more than one.
         seen = sighting.by_fit
-        if seen and self._is_new(sighting, self._last_poses) and tells_focal(seen, self._common):
-            self._last_poses = (sighting.view.pose_from_row(seen.row),)
+        if seen is None or not self._is_new(sighting, self._last_poses):
+            return
+        self._last_poses = (sighting.view.pose_from_row(seen.row),)
+        # A view from straight ahead agrees with any focal length.
+        if tells_focal(seen, self._common):
             self._changes.note(sighting, agrees=True)
             self._start_over_if_changed()
 
@@ -188,22 +209,23 @@ class SelfCalibration:
         as_sharp = fit.variance < max(_AS_SHARP * self._fit.variance, DEFAULT_SIGMA_PX**2)
         if as_sharp or self._changes.unanimous:
             self._start(self._common, None)
-            self._take(fit)
+            self._take(fit, self._common)
             self.verdict = Verdict.RESTARTED
 
     def _start(self, knowledge: Knowledge, adopted: CameraEstimate | None) -> None:
         self.verdict = Verdict.UNUSED
-        self._knowledge, self._adopted = knowledge, adopted
+        self._adopted = adopted
         self._changes.clear()
         self._last_poses = ()
-        self._take(unfitted(knowledge, order_of(adopted.camera) if adopted else 1))
+        order = order_of(adopted.camera) if adopted else 1
+        self._take(unfitted(knowledge, order), knowledge)
 
-    def _take(self, fit: JointFit) -> None:
-        """Make a fit the one that holds."""
+    def _take(self, fit: JointFit, knowledge: Knowledge) -> None:
+        """Make a fit the one that holds, and what is known besides what it was made with."""
+        self._knowledge = self._fitted = knowledge
         self._fit, self._camera = fit, camera_of(fit.lens, self._middle_px)
         self._poses = tuple(v.pose_from_row(p) for v, p in zip(fit.views, fit.poses, strict=True))
-        before = self._adopted.views if self._adopted else 0
-        covariance, views = fit.covariance, len(fit.views) + before
+        covariance, views = fit.covariance, len(fit.views) + knowledge.views
         corner_px = 0.5 * math.hypot(*self.image_size)
         self.state = state_of(fit.lens, covariance, corner_px, views, self.options)
         if self.state is CalibrationState.UNCALIBRATED:
@@ -215,9 +237,12 @@ class SelfCalibration:
 
     def _answer(self, sighting: Sighting) -> PoseEstimate:
         """Answer by the fused camera where there is one and the view agrees."""
-        if self.fused is None or self.verdict in (Verdict.OUTLIER, Verdict.UNUSED):
+        if self.verdict is Verdict.OUTLIER:
+            return lone_answer(sighting, self._common)
+        if self.fused is None or self.verdict is Verdict.UNUSED:
             return sighting.alone
-        seen = sighting.by_fit
-        if seen is None or self.verdict is not Verdict.KNOWN:  # it is the last of the fit's views
-            seen = seen_by_fit(sighting.view, self._fit.poses[-1], self._fit)
+        seen, fit = sighting.by_fit, self._fit
+        if seen is None or fit is not sighting.fit:
+            is_last = bool(fit.views) and fit.views[-1] is sighting.view
+            seen = seen_by_fit(sighting.view, fit.poses[-1] if is_last else sighting.row, fit)
         return fused_answer(seen, self._camera, sighting.known_or_alone, self.robust.threshold_px)

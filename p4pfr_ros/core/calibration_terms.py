@@ -22,7 +22,7 @@ class CalibrationState(enum.Enum):
 class Verdict(enum.Enum):
     """What became of a view; the value is a sentence for people."""
 
-    KEPT = 'the view is one of those that the camera is estimated from'
+    KEPT = 'the camera has been estimated anew, with what the view tells'
     KNOWN = 'the view agrees with the camera, and adds nothing new'
     OUTLIER = 'the view disagrees with the camera, and does not count'
     RESTARTED = 'the views disagree with the camera for good: it has changed, and is started over'
@@ -37,7 +37,8 @@ class CalibrationOptions:
     Parameters
     ----------
     max_views
-        At most so many views are kept: those that tell most of the camera together.
+        At most so many views are kept whole: those that tell most of the camera together. Of
+        others it is remembered what they told.
     min_views
         With fewer it is never calibrated.
     focal_tolerance

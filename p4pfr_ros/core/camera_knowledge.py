@@ -11,7 +11,7 @@ from .calibration_view import lens_of
 from .camera import DivisionCamera
 from .camera_estimate import CameraEstimate
 from .estimate import RansacOptions
-from .joint_fit import inverse_of, Knowledge
+from .information import inverse_of, Knowledge
 from .lens import CX, CY, FOCAL, K, K2, K3, LENS_SIZE
 
 # Most cameras have a field of view of about 60° along the diagonal, give or take a factor, and
@@ -43,7 +43,7 @@ def common_camera(
     spread[CX] = spread[CY] = center_spread * diagonal_px
     spread[K] = robust.prior_k_sigma or _BEND_SPREAD / corner2
     spread[K2], spread[K3] = _BEND_SPREAD / corner2**2, _BEND_SPREAD / corner2**3
-    return Knowledge(mean, np.diag(spread**-2.0))
+    return Knowledge.beforehand(mean, np.diag(spread**-2.0))
 
 
 def saved_camera(
@@ -54,7 +54,8 @@ def saved_camera(
     free = np.diag(estimate.covariance) > 0.0
     information = common.information.copy()
     information[np.ix_(free, free)] = inverse_of(estimate.covariance[np.ix_(free, free)])
-    return Knowledge(np.where(free, lens, common.mean), information)
+    mean = np.where(free, lens, common.mean)
+    return Knowledge.beforehand(mean, information, estimate.views)
 
 
 def order_of(camera: DivisionCamera) -> int:

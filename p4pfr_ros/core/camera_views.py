@@ -12,7 +12,7 @@ from .calibration_view import CalibrationView, camera_of, lens_of
 from .camera import DivisionCamera
 from .fit_views import fit_views
 from .geometry import Array, Pose
-from .joint_fit import Knowledge
+from .information import Knowledge
 from .lens import LENS_SIZE
 from .prepare import prepare
 from .synthetic import IMAGE_SIZE, tilted
@@ -89,7 +89,7 @@ def fit_from_the_truth(views: Sequence[View]) -> DivisionCamera:
         scaled = prepare(image, board, IMAGE_SIZE, _MIDDLE_PX, None)
         held.append(CalibrationView(image, board, scaled, None))
         rows.append(held[-1].row_from_pose(view.camera_from_board))
-    nothing = Knowledge(np.zeros(LENS_SIZE), np.zeros((LENS_SIZE, LENS_SIZE)))
+    nothing = Knowledge.beforehand(np.zeros(LENS_SIZE), np.zeros((LENS_SIZE, LENS_SIZE)))
     lens = lens_of(views[0].camera, _MIDDLE_PX)
     return camera_of(
         fit_views(held, np.array(rows), lens, 1, nothing, sigma_px=_NO_GATE_PX).lens, _MIDDLE_PX

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .joint_fit import inverse_of, JointFit, Knowledge
+from .information import inverse_of, Knowledge
+from .joint_fit import JointFit
 from .lens import K
 from .sighting import Sighting
 

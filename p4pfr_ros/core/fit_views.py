@@ -13,7 +13,8 @@ from .adjust import adjust, adjust_room, AdjustRoom, fill_blocks, lens_equations
 from .bundle import Bundle, squared_errors
 from .calibration_view import bundle_of, CalibrationView
 from .geometry import Array
-from .joint_fit import gate_of, JointFit, Knowledge
+from .information import Knowledge
+from .joint_fit import gate_of, JointFit
 from .lens import K, LENS_SIZE, POSE_COLUMNS
 from .scatter import scatter_of
 from .uncertainty import DEFAULT_SIGMA_PX, noise_variance
@@ -103,7 +104,7 @@ def _described(fitted: _Fitted, knowledge: Knowledge, measured: bool) -> JointFi
         scatter=scatter,
         blocks=room.blocks,
         equations=room.reduced,
-        prior=prior.information,
+        prior=variance * (knowledge.information - knowledge.remembered),
         told=told[:, :, :LENS_SIZE],
         pulls=told[:, :, LENS_SIZE],
     )

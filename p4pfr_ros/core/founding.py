@@ -12,7 +12,8 @@ from .camera import DivisionCamera
 from .estimate import PoseEstimate, RansacOptions
 from .fit_views import fit_views
 from .geometry import Array
-from .joint_fit import JointFit, Knowledge
+from .information import Knowledge
+from .joint_fit import JointFit
 from .robust import estimate_pose
 
 # Four points have up to six solutions; of more views' solutions, the likeliest few.

@@ -14,7 +14,8 @@ from .calibration_view import bundle_of, CalibrationView
 from .camera import DivisionCamera
 from .estimate import PoseEstimate, Stop
 from .geometry import Array
-from .joint_fit import inverse_of, JointFit
+from .information import inverse_of
+from .joint_fit import JointFit
 from .lens import COLUMNS, FOCAL, K, POSE_COLUMNS, RESIDUAL
 from .observability import observability_of, without_the_undetermined
 from .solution import Solution

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from .fit_views import fit_views
 from .founding import best_of, cameras_of, found
-from .joint_fit import JointFit, Knowledge
+from .information import Knowledge
+from .joint_fit import JointFit
 from .order import asks_for_next_term, MAX_ORDER, needs_last_term
 from .sighting import disagrees, Sighting
 from .view_choice import least_telling
@@ -21,21 +23,27 @@ _ENOUGH_FOR_A_TERM = 60
 _FEW_VIEWS = 5
 
 
-def with_view(sighting: Sighting, knowledge: Knowledge, max_views: int) -> JointFit | None:
+class Joined(NamedTuple):
+    """A fit with the new view, and what is known besides: of a view that went for it, too."""
+
+    fit: JointFit
+    knowledge: Knowledge
+
+
+def with_view(sighting: Sighting, knowledge: Knowledge, max_views: int) -> Joined | None:
     """
     Fit the views and a new one, which is the last then.
 
-    At most max_views: where there is no more room, one is left out. None where the new one does
-    not agree with the others, or is the one to leave out.
+    At most max_views: where there is no more room, one is left out, and remembered. None where
+    the new one does not agree with the others, or is the one to leave out.
     """
     fit = sighting.fit
     if len(fit.views) >= max_views:
-        if sighting.by_fit is None:
-            return None
-        told = sighting.by_fit.told
-        drop = least_telling(fit, told)
+        drop = None if sighting.by_fit is None else least_telling(fit, sighting.by_fit.told)
         if drop is None:
             return None
+        told, pull = fit.told[drop], fit.pulls[drop]
+        knowledge = knowledge.remembering(told, pull, fit.lens, fit.variance)
         fit = fit.without(drop)
     trials = _joined(sighting, fit, knowledge)
     if len(fit.views) < _FEW_VIEWS and sighting.alone_row is not None:
@@ -43,7 +51,9 @@ def with_view(sighting: Sighting, knowledge: Knowledge, max_views: int) -> Joint
         views, cameras = (*fit.views, sighting.view), cameras_of([sighting.alone])
         anew = found(views, rows, cameras, knowledge, sighting.robust)
         trials += [trial for trial in anew if _agree(trial, fit, sighting)]
-    return settled(best_of(trials), knowledge, sighting.robust.sigma_px) if trials else None
+    if not trials:
+        return None
+    return Joined(settled(best_of(trials), knowledge, sighting.robust.sigma_px), knowledge)
 
 
 def explained_anew(sightings: Sequence[Sighting], knowledge: Knowledge) -> JointFit:

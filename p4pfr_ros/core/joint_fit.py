@@ -10,11 +10,11 @@ import math
 import numpy as np
 
 from .adjust import (
-    LensPrior,
     POSE_SIZE,
 )
 from .calibration_view import CalibrationView
 from .geometry import Array, Ints
+from .information import inverse_of, Knowledge
 from .lens import COLUMNS, K, LENS_SIZE
 from .uncertainty import DEFAULT_SIGMA_PX, posterior_variance
 
@@ -22,21 +22,6 @@ from .uncertainty import DEFAULT_SIGMA_PX, posterior_variance
 # normal errors three in ten thousand are. And no corner is that good, px.
 _GATE_SIGMAS = 4.0
 _SMALLEST_GATE_PX = 0.1
-
-# On the diagonal of a scaled matrix, so that it can always be inverted.
-_NO_INFORMATION = 1e-13
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Knowledge:
-    """What is known of the lens beforehand: mean (6,) and information (6, 6), inverse squares."""
-
-    mean: Array
-    information: Array
-
-    def weighed(self, variance: float) -> LensPrior:
-        """Return it in px², for a noise of that variance."""
-        return LensPrior(self.mean, variance * self.information)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +33,10 @@ class JointFit:
     errors of all points, px², and limit, beyond which one is an outlier's; variance of a
     coordinate, px², with the coordinates to spare, and whether it was measured by them; scatter,
     by how much the views differ over the lens, in units of what the noise explains (1 at least);
-    blocks (V, 13, 13), the views' normal equations; equations (6, 7), those of the lens, with
-    the prior (6, 6), its information in px²; told (V, 6, 6) and pulls (V, 6), what each view adds
-    to them: its information, and where it would have the lens go.
+    blocks (V, 13, 13), the views' normal equations; equations (6, 7), those of the lens, with all
+    that is known besides; prior (6, 6), what of that was known beforehand, px²; told (V, 6, 6)
+    and pulls (V, 6), what each view adds to them: its information, and where it would have the
+    lens go.
     """
 
     views: tuple[CalibrationView, ...]
@@ -108,6 +94,7 @@ class JointFit:
         """The lens's covariance (6, 6); zero for what is not free."""
         # With T = S + Λ, the views' information and the prior's (px²), the estimate is off by T⁻¹
         # times the pull of the noise, of covariance v S, and of the prior's own error, σ² Λ.
+        # Remembered views are views.
         free = slice(K + self.order)
         inverse = inverse_of(self.equations[free, free])
         prior = self.prior[free, free]
@@ -149,13 +136,3 @@ def unfitted(knowledge: Knowledge, order: int) -> JointFit:
 def gate_of(variance: float) -> float:
     """Return the squared error, px², beyond which a point is an outlier."""
     return max(_GATE_SIGMAS**2 * variance, _SMALLEST_GATE_PX**2)
-
-
-def inverse_of(information: Array) -> Array:
-    """Invert a symmetric matrix of mixed units; what it does not hold gets a huge variance."""
-    size = np.sqrt(np.maximum(np.diag(information), 0.0))  # rounding may take it below
-    size = np.where(size > 0.0, size, 1.0)
-    scale = np.outer(size, size)
-    held = information / scale + _NO_INFORMATION * np.eye(len(size))
-    inverse: Array = np.linalg.inv(held) / scale
-    return inverse

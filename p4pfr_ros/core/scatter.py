@@ -7,7 +7,7 @@ import numpy as np
 
 from .adjust import LensPrior
 from .geometry import Array
-from .joint_fit import inverse_of
+from .information import inverse_of
 from .lens import LENS_SIZE
 
 # The scatter of the views counts from this many degrees of freedom on: before, it is taken to be

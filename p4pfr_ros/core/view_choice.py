@@ -10,12 +10,13 @@ import numpy as np
 from .camera import DivisionCamera
 from .fused_answer import SeenByFit
 from .geometry import Array, Pose
-from .joint_fit import inverse_of, JointFit, Knowledge
+from .information import inverse_of, Knowledge
+from .joint_fit import JointFit
 from .lens import FOCAL, K
 
 # A view must raise the information's log-determinant by this to take another's place: less is
 # not worth a fit.
-_WORTH_A_FIT = 0.01
+_WORTH_A_FIT = 0.05
 
 # A view tells the focal length that it knows to this share.
 _TOLD = 0.3
@@ -51,12 +52,25 @@ def least_telling(fit: JointFit, told_anew: Array) -> int | None:
     """
     free = slice(K + fit.order)
     told = np.concatenate([fit.told, told_anew[None]])[:, free, free]
-    total = fit.equations[free, free] + told[-1]
-    size = np.sqrt(np.diag(total))
-    sign, volume = np.linalg.slogdet((total - told) / np.outer(size, size))
-    volume = np.where(sign > 0.0, volume, -np.inf)
-    best = int(np.argmax(volume))
-    return best if volume[best] > volume[-1] + _WORTH_A_FIT else None
+    volumes = _log_volumes(fit.prior[free, free] + told.sum(axis=0) - told)
+    best = int(np.argmax(volumes))
+    return best if volumes[best] > volumes[-1] + _WORTH_A_FIT else None
+
+
+def is_worth_a_fit(fit: JointFit, information: Array) -> bool:
+    """Say whether so much more information (6, 6), px², is worth fitting again."""
+    free = slice(K + fit.order)
+    before = fit.equations[free, free]
+    before, after = _log_volumes(np.array([before, before + information[free, free]]))
+    return bool(after > before + _WORTH_A_FIT)
+
+
+def _log_volumes(information: Array) -> Array:
+    """Return the logarithms of determinants (V,) of matrices (V, n, n), all in the same units."""
+    size = np.sqrt(np.diag(information[0]))
+    sign, volumes = np.linalg.slogdet(information / np.outer(size, size))
+    positive: Array = np.where(sign > 0.0, volumes, -np.inf)
+    return positive
 
 
 def tells_focal(seen: SeenByFit, common: Knowledge) -> bool:

@@ -2,8 +2,15 @@
 """A camera that changes, and one that was calibrated before."""
 
 from calibration_views import calibrated, drawn, error, takes_long, verdicts, views_of
+from errors import deviation
 import numpy as np
-from p4pfr_ros import CalibrationState, DivisionCamera, SelfCalibration, Verdict
+from p4pfr_ros import (
+    CalibrationOptions,
+    CalibrationState,
+    DivisionCamera,
+    SelfCalibration,
+    Verdict,
+)
 from p4pfr_ros.core.synthetic import IMAGE_SIZE
 import pytest
 
@@ -87,3 +94,32 @@ def test_reset_forgets():
     assert calibration.fused is None
     assert calibration.views == ()
     assert calibrated(views, calibration).fused.camera == first
+
+
+def test_poses_of_the_changed_camera_say_how_unsure_they_are():
+    squares = []
+    for seed in range(40):
+        camera = drawn(seed)
+        calibration = calibrated(views_of(camera, 12, seed))
+        zoomed = DivisionCamera(1.5 * camera.focal_px, camera.center_px, 2.25 * camera.k)
+        view = views_of(zoomed, 1, 100 + seed, tilt_deg=(20.0, 60.0))[0]
+        estimate = calibration.update(view.image_points, view.board_points)
+        if calibration.verdict is Verdict.OUTLIER and not estimate.observable.undetermined:
+            off = deviation(estimate.model, view)[:6]
+            squares.append(off @ np.linalg.solve(estimate.covariance[:6, :6], off))
+    assert len(squares) > 20
+    assert 2.5 < np.median(squares) < 7.5  # of χ² with six degrees of freedom it is 5.35
+
+
+def test_what_is_not_kept_is_remembered():
+    camera = drawn(13)
+    views = views_of(camera, 300, 13)
+    few = SelfCalibration(IMAGE_SIZE, options=CalibrationOptions(max_views=10))
+    calibrated(views[:40], few)
+    early_px = few.fused.focal_sigma_px
+    calibrated(views[40:], few)
+    assert len(few.views) == 10
+    # With √(300 / 40) = 2.7 times as sure in view; the first forty were chosen from, too.
+    assert few.fused.focal_sigma_px < 0.6 * early_px
+    off = error(few.fused.camera, camera)[:4]
+    assert off @ np.linalg.solve(few.fused.covariance[:4, :4], off) < 20.0
