@@ -1,15 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The board that a node's parameter ``board_file`` names."""
+"""The board, or the boards, that a node's parameter ``board_file`` names."""
 
 from __future__ import annotations
 
 from p4pfr_ros.boards import Board
-from p4pfr_ros.files import ConfigError, load_board
+from p4pfr_ros.files import ConfigError, load_board, load_boards
 
 
 def required_board(node_name: str, board_file: str) -> Board:
     """
-    Read the board of a node that cannot do without.
+    Read the one board of a node that cannot do without.
+
+    Raises
+    ------
+    ConfigError
+        No file was given, or the file is wrong, or holds several boards.
+
+    """
+    return load_board(_required(node_name, board_file))
+
+
+def required_boards(node_name: str, board_file: str) -> dict[str, Board]:
+    """
+    Read the boards, by name, of a node that cannot do without.
 
     Raises
     ------
@@ -17,6 +30,10 @@ def required_board(node_name: str, board_file: str) -> Board:
         No file was given, or the file is wrong.
 
     """
+    return load_boards(_required(node_name, board_file))
+
+
+def _required(node_name: str, board_file: str) -> str:
     if not board_file:
         raise ConfigError(f'{node_name}: board_file: expected the path of a board YAML, got none')
-    return load_board(board_file)
+    return board_file

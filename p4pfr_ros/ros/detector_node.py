@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""detector_node: pictures in, the board's points out."""
+"""detector_node: pictures in, the points of each board out."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from p4pfr_ros.detection import detect, Detection
 from p4pfr_ros.drawing import annotate
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Header
 
-from .board import required_board
+from .board import required_boards
 from .conversions import (
     cloud_msg,
     image_from_compressed,
@@ -27,12 +28,17 @@ from .spin import run
 
 
 class DetectorNode(Node):  # type: ignore[misc]
-    """Finds the points of one board in each picture; the header stays that of the picture."""
+    """
+    Finds the points of one board, or of several, in each picture.
+
+    Each board that is found gives one message, with the header of the picture. Where the file
+    holds several boards, the field ``board`` says which one it is: its place there, from 0.
+    """
 
     def __init__(self) -> None:
         super().__init__('detector_node')
         options = Parameters(self, DetectorNodeOptions()).options
-        self._board = required_board(self.get_name(), options.board_file)
+        self._boards = list(required_boards(self.get_name(), options.board_file).values())
         self._rejections = Rejections(lambda text: self.get_logger().warning(text))
         self._misses = Rejections(lambda text: self.get_logger().info(text))
         self._correspondences = advertise(self, PointCloud2, 'correspondences')
@@ -54,18 +60,36 @@ class DetectorNode(Node):  # type: ignore[misc]
         if isinstance(picture, Rejected):
             self._rejections.add(picture)
         elif is_heard(self._correspondences, self._annotated):
-            self._publish(header, picture, detect(picture, self._board))
+            self._publish(header, picture, [detect(picture, board) for board in self._boards])
 
-    def _publish(self, header: Header, picture: Picture, detection: Detection) -> None:
-        if detection.reason:
-            self._misses.add(Rejected('no_board', detection.reason))
-        else:
-            self._correspondences.publish(
-                cloud_msg(header, detection.image_points, detection.board_points, detection.ids)
-            )
+    def _publish(self, header: Header, picture: Picture, detections: list[Detection]) -> None:
+        for board, found in enumerate(detections):
+            if not found.reason:
+                self._correspondences.publish(
+                    cloud_msg(
+                        header,
+                        found.image_points,
+                        found.board_points,
+                        found.ids,
+                        board if len(detections) > 1 else None,
+                    )
+                )
+        together = _together(detections)
+        if together.reason:
+            self._misses.add(Rejected('no_board', together.reason))
         if is_heard(self._annotated):
-            annotated = annotate(picture, detection, board=self._board)
-            self._annotated.publish(image_msg(header, annotated))
+            self._annotated.publish(image_msg(header, annotate(picture, together)))
+
+
+def _together(detections: list[Detection]) -> Detection:
+    """Return all points of all boards; where there are none, all reasons."""
+    found = [detection for detection in detections if not detection.reason]
+    return Detection(
+        np.concatenate([detection.image_points for detection in detections]),
+        np.concatenate([detection.board_points for detection in detections]),
+        np.concatenate([detection.ids for detection in detections]),
+        '' if found else '; '.join(detection.reason for detection in detections),
+    )
 
 
 def main(args: Sequence[str] | None = None) -> None:

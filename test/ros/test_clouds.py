@@ -63,6 +63,35 @@ def test_the_id_is_optional():
     np.testing.assert_array_equal(correspondences_from_cloud(msg).ids, np.arange(12))
 
 
+@pytest.mark.parametrize('board', [0, 3])
+def test_a_board_of_several_keeps_its_number(board):
+    """It is a field of its own, which a board that is alone does not have."""
+    msg = cloud_msg(scenes.header(1), IMAGE, BOARD, IDS, board)
+    assert [f.name for f in msg.fields] == ['u', 'v', 'board_x', 'board_y', 'id', 'board']
+    points = correspondences_from_cloud(msg)
+    assert points.board == board
+    np.testing.assert_array_equal(points.image_points, IMAGE)
+    np.testing.assert_array_equal(points.ids, IDS)
+    alone = cloud_msg(scenes.header(1), IMAGE, BOARD, IDS)
+    assert 'board' not in [f.name for f in alone.fields]
+    assert correspondences_from_cloud(alone).board == 0
+
+
+def test_a_cloud_is_of_one_board():
+    """Points of two boards have no pose in common; an unseen point is of none."""
+    clouds = [cloud_msg(scenes.header(1), IMAGE, BOARD, IDS, board) for board in (2, 5)]
+    step = clouds[0].point_step
+    mixed = clouds[0]
+    mixed.data[-step:] = clouds[1].data[-step:]
+    answer = correspondences_from_cloud(mixed)
+    assert answer.cause == 'boards'
+    assert answer.reason.endswith('expected one board in a cloud, got the boards 2, 5')
+    mixed.data[-step : 8 - step] = array('B', np.array([np.nan]).tobytes())
+    mixed.is_dense = False
+    points = correspondences_from_cloud(mixed)
+    assert (points.board, len(points.ids)) == (2, 11)
+
+
 def test_unseen_points_of_a_cloud_that_is_not_dense_are_left_out():
     """NaN means 'not seen' where the cloud says so, and is an error where it does not."""
     image = IMAGE.copy()
@@ -100,9 +129,12 @@ def _field(index, **values):
         (_field(2, datatype=0), 'fields'),
         (_field(4, datatype=PointField.FLOAT32), 'fields'),
         (_field(4, datatype=99), 'fields'),
-        (_field(3, offset=32), 'layout'),
+        (_field(5, datatype=PointField.FLOAT64), 'fields'),
+        (_field(5, datatype=0), 'fields'),
+        (_field(5, offset=37), 'layout'),
+        (_field(3, offset=33), 'layout'),
         (_field(3, offset=2**32 - 1), 'layout'),
-        (_field(4, offset=33), 'layout'),
+        (_field(4, offset=37), 'layout'),
         (_set(point_step=0), 'layout'),
         (_set(height=2), 'truncated'),
         (_set(height=2, row_step=1), 'layout'),
@@ -117,7 +149,7 @@ def _field(index, **values):
 )
 def test_a_cloud_that_cannot_be_read_says_why(spoil, cause):
     """Whatever is wrong with a cloud has a cause and a sentence."""
-    msg = cloud_msg(scenes.header(1), IMAGE, BOARD, IDS)
+    msg = cloud_msg(scenes.header(1), IMAGE, BOARD, IDS, board=1)
     spoil(msg)
     answer = correspondences_from_cloud(msg)
     assert isinstance(answer, Rejected)
@@ -128,15 +160,15 @@ def test_a_cloud_that_cannot_be_read_says_why(spoil, cause):
 def test_fuzzed_clouds_never_raise():
     """A thousand clouds with random fields are read or rejected."""
     rng = np.random.default_rng(11)
-    numbers = [0, 1, 3, 7, 8, 9, 12, 16, 32, 35, 36, 100, 432, 2**31, 2**32 - 1]
+    numbers = [0, 1, 3, 7, 8, 9, 12, 16, 32, 36, 39, 40, 100, 480, 2**31, 2**32 - 1]
     answered = 0
     for _ in range(1000):
-        msg = cloud_msg(scenes.header(1), IMAGE, BOARD, IDS)
+        msg = cloud_msg(scenes.header(1), IMAGE, BOARD, IDS, board=1)
         for name in rng.choice(['height', 'width', 'point_step', 'row_step'], 1):
             setattr(msg, name, int(rng.choice(numbers)))
-        field = msg.fields[rng.integers(5)]
+        field = msg.fields[rng.integers(6)]
         field.offset, field.datatype = int(rng.choice(numbers)), int(rng.integers(0, 10))
         msg.is_bigendian, msg.is_dense = bool(rng.integers(2)), bool(rng.integers(2))
-        msg.data = msg.data[: int(rng.choice([0, 1, 36, 431, 432, 432, 432]))]
+        msg.data = msg.data[: int(rng.choice([0, 1, 40, 479, 480, 480, 480]))]
         answered += not isinstance(correspondences_from_cloud(msg), Rejected)
     assert 0 < answered < 1000

@@ -5,7 +5,8 @@ from array import array
 
 import cv2
 import numpy as np
-from p4pfr_ros.boards import Chessboard
+from p4pfr_ros import Pose
+from p4pfr_ros.boards import Bundle, Chessboard, PlacedMarker
 from p4pfr_ros.rendering import render
 from p4pfr_ros.ros.conversions import correspondences_from_cloud, image_from_msg, image_msg
 import pytest
@@ -15,17 +16,42 @@ from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 pytestmark = pytest.mark.dds
 
 BOARD = Chessboard(columns=9, rows=6, square_m=0.025)
-BOARD_YAML = 'boards: {board: {type: chessboard, columns: 9, rows: 6, square_mm: 25}}\n'
+BOARD_YAML = """
+boards:
+  board: {type: chessboard, columns: 9, rows: 6, square_mm: 25}
+"""
 PICTURE = render(BOARD, scenes.CAMERA, scenes.CAMERA_FROM_BOARD, scenes.SIZE, noise_sigma=1.0)
+# Beside it, two markers on a plane of their own.
+BUNDLE = Bundle(
+    markers=(
+        PlacedMarker(id=8, x_m=-0.04, y_m=0.0, size_m=0.05),
+        PlacedMarker(id=3, x_m=0.04, y_m=0.01, size_m=0.05, angle_deg=20.0),
+    ),
+    dictionary='DICT_4X4_50',
+)
+BUNDLE_YAML = """
+  bundle:
+    type: bundle
+    dictionary: DICT_4X4_50
+    markers:
+      - {id: 8, x_mm: -40, y_mm: 0, size_mm: 50}
+      - {id: 3, x_mm: 40, y_mm: 10, size_mm: 50, angle_deg: 20}
+"""
+CAMERA_FROM_BUNDLE = Pose.from_rotation_vector([0.3, 0.2, 0.0], [-0.22, -0.14, 0.6]) @ Pose(
+    np.diag([1.0, -1.0, -1.0]), np.zeros(3)
+)
+BOTH = render(
+    BUNDLE, scenes.CAMERA, CAMERA_FROM_BUNDLE, scenes.SIZE, background=PICTURE.astype(float)
+)
 EMPTY = np.full_like(PICTURE, 90)
 
 
 class Eye:
     """A conversation with one detector_node."""
 
-    def __init__(self, peer, folder, topic, message_type, **parameters):
+    def __init__(self, peer, folder, topic, message_type, boards, **parameters):
         board_file = folder / 'board.yaml'
-        board_file.write_text(BOARD_YAML)
+        board_file.write_text(boards)
         self.peer = peer
         self.points = peer.listen(PointCloud2, 'correspondences')
         self.image = peer.publisher(message_type, topic)
@@ -34,19 +60,24 @@ class Eye:
 
     def show(self, make, second, frame_id='a_camera'):
         """Publish a picture until its points come."""
+        return self.show_all(make, second, frame_id, boards=1)[-1]
+
+    def show_all(self, make, second, frame_id='a_camera', *, boards):
+        """Publish a picture until the points of so many boards have come."""
         stamp = scenes.header(second).stamp
         msg = make(scenes.header(second, frame_id))
         self.peer.until(
-            lambda: self.points and self.points[-1].header.stamp == stamp,
+            lambda: [p.header.stamp for p in self.points[-boards:]] == boards * [stamp],
             meanwhile=lambda: self.image.publish(msg),
         )
-        return self.points[-1]
+        return self.points[-boards:]
 
 
 @pytest.fixture(scope='module')
 def eye(module_peer, tmp_path_factory):
-    """One detector_node for raw pictures, for the whole module."""
-    return Eye(module_peer, tmp_path_factory.mktemp('raw'), 'image', Image)
+    """One detector_node for raw pictures, which knows two boards, for the whole module."""
+    folder = tmp_path_factory.mktemp('raw')
+    return Eye(module_peer, folder, 'image', Image, boards=BOARD_YAML + BUNDLE_YAML)
 
 
 def _raw(picture):
@@ -68,6 +99,21 @@ def test_a_picture_is_answered_with_its_header_and_all_corners(eye):
     _assert_all_corners(msg)
 
 
+def test_each_board_of_a_picture_is_a_message_that_says_which(eye):
+    """The bundle alone, then both: in the order of the file, with the header of the picture."""
+    alone = render(BUNDLE, scenes.CAMERA, CAMERA_FROM_BUNDLE, scenes.SIZE)
+    assert correspondences_from_cloud(eye.show(_raw(alone), 29)).board == 1
+    # A message may come twice for one picture, as it is sent until it is heard.
+    heard = eye.show_all(_raw(BOTH), 30, 'left_optical', boards=2)
+    assert all(msg.header == scenes.header(30, 'left_optical') for msg in heard)
+    points = {p.board: p for p in map(correspondences_from_cloud, heard)}
+    assert list(points) == [0, 1]
+    _assert_all_corners(heard[0])
+    np.testing.assert_array_equal(points[1].board_points, BUNDLE.points)
+    truth = scenes.seen(BUNDLE.points, CAMERA_FROM_BUNDLE)
+    np.testing.assert_allclose(points[1].image_points, truth, atol=0.3)
+
+
 def test_colour_is_as_good_as_grey(eye):
     """The conversion is tested by itself; this is that it is used."""
     colour = cv2.cvtColor(PICTURE, cv2.COLOR_GRAY2BGR)
@@ -82,7 +128,7 @@ def test_a_picture_without_the_board_is_counted_and_said(eye):
         lambda: '[no_board: ' in eye.node.output,
         meanwhile=lambda: eye.image.publish(image_msg(scenes.header(23), EMPTY)),
     )
-    assert '9x6 chessboard' in eye.node.output
+    assert '9x6 chessboard found; none of the 2 markers of bundle found' in eye.node.output
     eye.show(_raw(PICTURE), 24)
     assert 23 not in [p.header.stamp.sec for p in eye.points[before:]]
 
@@ -123,9 +169,8 @@ def test_the_annotated_picture_comes_when_asked_for(eye):
 @pytest.mark.parametrize('extension', ['.png', '.jpg'])
 def test_compressed_pictures(peer, tmp_path, extension):
     """By parameter, the node listens to image/compressed instead."""
-    eye = Eye(
-        peer, tmp_path, 'image/compressed', CompressedImage, **{'image.transport': 'compressed'}
-    )
+    transport = {'image.transport': 'compressed'}
+    eye = Eye(peer, tmp_path, 'image/compressed', CompressedImage, BOARD_YAML, **transport)
     data = array('B', cv2.imencode(extension, PICTURE)[1].tobytes())
 
     def make(header):
@@ -133,4 +178,5 @@ def test_compressed_pictures(peer, tmp_path, extension):
 
     msg = eye.show(make, 31, 'right_optical')
     assert msg.header == scenes.header(31, 'right_optical')
+    assert 'board' not in [field.name for field in msg.fields]  # there is but one
     _assert_all_corners(msg, atol_px=0.5)

@@ -8,16 +8,23 @@ what is in it. Those that read our own outputs back, ``pose_from_msg`` and
 ``division_camera_from_msg``, raise ``ValueError``.
 """
 
+from p4pfr_ros.boards.conventions import CORNER_ORDERS
+from p4pfr_ros.image_files import Picture
+
+from .alternatives import pose_array_msg
 from .cameras import (
     camera_info_division_msg,
+    camera_info_from_model_msg,
     camera_info_msg,
     division_camera_from_msg,
     image_frame_from_msg,
     ImageFrame,
+    model_from_msg,
 )
 from .clouds import cloud_msg, correspondences_from_cloud
-from .images import image_from_compressed, image_from_msg, image_msg, Picture
-from .points import CORNER_ORDERS, Correspondences, correspondences_from_polygon
+from .detections import correspondences_from_detections, detection_array_type
+from .images import image_from_compressed, image_from_msg, image_msg
+from .points import Correspondences, correspondences_from_polygon
 from .poses import pose_from_msg, pose_msg, pose_with_covariance_msg
 
 __all__ = [
@@ -26,15 +33,20 @@ __all__ = [
     'ImageFrame',
     'Picture',
     'camera_info_division_msg',
+    'camera_info_from_model_msg',
     'camera_info_msg',
     'cloud_msg',
     'correspondences_from_cloud',
+    'correspondences_from_detections',
     'correspondences_from_polygon',
+    'detection_array_type',
     'division_camera_from_msg',
     'image_frame_from_msg',
     'image_from_compressed',
     'image_from_msg',
     'image_msg',
+    'model_from_msg',
+    'pose_array_msg',
     'pose_from_msg',
     'pose_msg',
     'pose_with_covariance_msg',

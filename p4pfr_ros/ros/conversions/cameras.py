@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-CameraInfo <-> the picture's frame, and the division camera.
+CameraInfo <-> the picture's frame, the division camera, and the models of image_proc.
 
 The picture that a driver sends may be a window (``roi``) of the sensor's full picture, with
 pixels combined (``binning_x``, ``binning_y``). Lens and distortion centre belong to the full raw
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from p4pfr_ros.core.camera import DivisionCamera
+from p4pfr_ros.core.camera_info_model import CameraInfoModel, COEFFICIENTS
 from p4pfr_ros.core.geometry import Array
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 from std_msgs.msg import Header
@@ -69,27 +70,88 @@ def camera_info_msg(header: Header, frame: ImageFrame) -> CameraInfo:
     return msg
 
 
+def camera_info_from_model_msg(
+    header: Header, frame: ImageFrame, model: CameraInfoModel
+) -> CameraInfo:
+    """
+    Make the CameraInfo of a calibrated camera, as image_proc rectifies by it.
+
+    K and P speak of the full raw picture, whatever the frame's window and binning: image_proc
+    takes them to the picture as sent. P = K, so the rectified picture has the raw one's scale in
+    its middle: a barrel lens loses its rim, which an undistorted plane would stretch without end.
+    """
+    msg = _with_intrinsics(header, frame, model.focal_px, model.center_px)
+    msg.distortion_model = model.distortion_model
+    msg.d = list(model.coefficients)
+    # A window of the raw picture is a window of the rectified one too.
+    msg.roi.do_rectify = frame.window not in ((0, 0), frame.size)
+    return msg
+
+
+def model_from_msg(msg: CameraInfo) -> CameraInfoModel | Rejected:
+    """
+    Take a calibrated camera out of a CameraInfo of any driver's.
+
+    As image_proc does, a plumb_bob without coefficients is taken for a lens without distortion.
+    """
+    if msg.width == 0 or msg.height == 0:
+        return Rejected('camera_info', 'camera_info: width or height is 0')
+    if not np.any(msg.k):
+        return Rejected('uncalibrated', 'camera_info: K is 0, so the camera is not calibrated')
+    (fx, skew, cx), (_, fy, cy), last = np.reshape(msg.k, (3, 3)).tolist()
+    if skew != 0.0 or last != [0.0, 0.0, 1.0]:
+        return Rejected(
+            'camera_model', f'camera_info: expected K = [fx 0 cx 0 fy cy 0 0 1], got {list(msg.k)}'
+        )
+    coefficients = tuple(msg.d)
+    if not coefficients and msg.distortion_model == 'plumb_bob':
+        coefficients = (0.0,) * COEFFICIENTS['plumb_bob']
+    try:
+        return CameraInfoModel(
+            msg.distortion_model, coefficients, (fx, fy), (cx, cy), 0.0, (msg.width, msg.height)
+        )
+    except ValueError as error:
+        return Rejected('camera_model', f'camera_info: {error}')
+
+
 def camera_info_division_msg(
     header: Header, frame: ImageFrame, camera: DivisionCamera
 ) -> CameraInfo:
     """
-    Make a CameraInfo with the camera in its native model: 'division', D = [k].
+    Make a CameraInfo with the camera in its native model: 'division'.
 
-    K and P hold focal length and centre, R is the identity. Its ray for the pixel u is
-    (d, 1 + k |d|²) with d = (u - c) / f.
+    D = [k], or [k, k2, k3] where one is not enough. K and P hold focal length and centre, R is
+    the identity. Its ray for the pixel u is (d, 1 + k |d|² + k2 |d|⁴ + k3 |d|⁶) with
+    d = (u - c) / f.
     """
-    msg = camera_info_msg(header, frame)
-    f, (cx, cy) = camera.focal_px, camera.center_px
+    f = camera.focal_px
+    msg = _with_intrinsics(header, frame, (f, f), camera.center_px)
     msg.distortion_model = 'division'
-    msg.d = [camera.k]
-    msg.k = np.array([f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0])
-    msg.r = np.eye(3).ravel()
-    msg.p = np.array([f, 0.0, cx, 0.0, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0])
+    bends_more = camera.k2 != 0.0 or camera.k3 != 0.0
+    msg.d = [camera.k, camera.k2, camera.k3] if bends_more else [camera.k]
     return msg
 
 
 def division_camera_from_msg(msg: CameraInfo) -> DivisionCamera:
     """Take the camera out of our own ``camera_info_division``; another one is a ``ValueError``."""
-    if msg.distortion_model != 'division' or len(msg.d) != 1:
-        raise ValueError(f'expected the model division with D = [k], got {msg.distortion_model!r}')
-    return DivisionCamera(msg.k[0], (msg.k[2], msg.k[5]), msg.d[0])
+    if msg.distortion_model != 'division' or len(msg.d) not in (1, 3):
+        raise ValueError(
+            'expected the model division with D = [k] or [k, k2, k3], '
+            f'got {msg.distortion_model!r} with {len(msg.d)} coefficients'
+        )
+    return DivisionCamera(msg.k[0], (msg.k[2], msg.k[5]), *msg.d)
+
+
+def _with_intrinsics(
+    header: Header,
+    frame: ImageFrame,
+    focal_px: tuple[float, float],
+    center_px: tuple[float, float],
+) -> CameraInfo:
+    """Make a CameraInfo of the frame with K, R = I and P = K."""
+    msg = camera_info_msg(header, frame)
+    (fx, fy), (cx, cy) = focal_px, center_px
+    msg.k = np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0])
+    msg.r = np.eye(3).ravel()
+    msg.p = np.array([fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0])
+    return msg

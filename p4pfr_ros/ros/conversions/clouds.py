@@ -3,9 +3,10 @@
 Correspondences <-> PointCloud2.
 
 The fields ``u`` and ``v`` are pixels of the picture as it was sent, ``board_x`` and ``board_y``
-metres in the board's frame, ``id`` (optional) says which point of the board it is. Any order,
-offsets and padding, both byte orders, organised or not. In a cloud with ``is_dense`` = false a
-point with a coordinate that is not finite is one that was not seen, and is left out.
+metres in the board's frame, ``id`` (optional) says which point of the board it is, and ``board``
+(optional, the same for all points) which board of several: its place in the board file, from 0.
+Any order, offsets and padding, both byte orders, organised or not. In a cloud with ``is_dense`` =
+false a point with a coordinate that is not finite is one that was not seen, and is left out.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from .points import checked, Correspondences
 from ..rejections import Rejected
 
 _COORDINATES = ('u', 'v', 'board_x', 'board_y')
+_NUMBERS = ('id', 'board')
 _FLOATS = {PointField.FLOAT32: 'f4', PointField.FLOAT64: 'f8'}
 _INTEGERS = {
     PointField.INT8: 'i1',
@@ -42,6 +44,8 @@ _OUT = {
     'board_y': PointField.FLOAT64,
     'id': PointField.INT32,
 }
+_NO_BOARDS = np.empty(0, dtype=np.int64)
+_OUT_OF_SEVERAL = _OUT | {'board': PointField.UINT32}
 
 
 def correspondences_from_cloud(msg: PointCloud2) -> Correspondences | Rejected:
@@ -50,27 +54,46 @@ def correspondences_from_cloud(msg: PointCloud2) -> Correspondences | Rejected:
     if wrong is not None:
         return wrong
     fields = {field.name: field for field in msg.fields}
-    u, v, x, y = (_column(msg, fields[name]) for name in _COORDINATES)
-    points = np.stack([u, v, x, y], axis=1).astype(np.float64)
-    ids = np.arange(len(points))
+    points = np.empty((msg.height * msg.width, 4))
+    for i, name in enumerate(_COORDINATES):
+        points[:, i] = _column(msg, fields[name])
+    ids, boards = np.arange(len(points)), _NO_BOARDS
     if 'id' in fields:
         ids = _column(msg, fields['id']).astype(np.int64)
+    if 'board' in fields:
+        boards = _column(msg, fields['board']).astype(np.int64)
     if not msg.is_dense:
         seen = np.isfinite(points).all(axis=1)
         points, ids = points[seen], ids[seen]
-    return checked(points[:, :2], points[:, 2:], ids, 'correspondences')
+        boards = boards[seen] if boards.size else boards
+    if boards.size and (boards != boards[0]).any():
+        got = ', '.join(str(board) for board in np.unique(boards)[:4])
+        return Rejected(
+            'boards', f'correspondences: expected one board in a cloud, got the boards {got}'
+        )
+    board = int(boards[0]) if boards.size else 0
+    return checked(points[:, :2], points[:, 2:], ids, 'correspondences', board)
 
 
-def cloud_msg(header: Header, image_points: Array, board_points: Array, ids: Ints) -> PointCloud2:
-    """Make a cloud of N points: pixels (N, 2), metres (N, 2) and their ids (N,)."""
-    layout = np.dtype([(name, '<' + _TYPES[datatype]) for name, datatype in _OUT.items()])
+def cloud_msg(
+    header: Header, image_points: Array, board_points: Array, ids: Ints, board: int | None = None
+) -> PointCloud2:
+    """
+    Make a cloud of N points: pixels (N, 2), metres (N, 2) and their ids (N,).
+
+    ``board`` says which board of several it is; of one alone, None, the cloud has no such field.
+    """
+    fields = _OUT if board is None else _OUT_OF_SEVERAL
+    layout = np.dtype([(name, '<' + _TYPES[datatype]) for name, datatype in fields.items()])
     rows = np.empty(len(ids), dtype=layout)
     rows['u'], rows['v'] = image_points.T
     rows['board_x'], rows['board_y'] = board_points.T
     rows['id'] = ids
+    if board is not None:
+        rows['board'] = board
     msg = PointCloud2(header=header, height=1, width=len(rows), is_dense=True)
     offset = 0
-    for name, datatype in _OUT.items():
+    for name, datatype in fields.items():
         msg.fields.append(PointField(name=name, offset=offset, datatype=datatype, count=1))
         offset += layout[name].itemsize
     msg.point_step = layout.itemsize
@@ -90,9 +113,10 @@ def _wrong_layout(msg: PointCloud2) -> Rejected | None:
                 f'correspondences: expected the fields u, v, board_x, board_y (float32 or '
                 f'float64), got {got}' + (f'; {name} is no float' if name in fields else ''),
             )
-    if 'id' in fields and fields['id'].datatype not in _INTEGERS:
-        return Rejected('fields', 'correspondences: expected integers in the field id')
-    for name in (*_COORDINATES, 'id'):
+    for name in _NUMBERS:
+        if name in fields and fields[name].datatype not in _INTEGERS:
+            return Rejected('fields', f'correspondences: expected integers in the field {name}')
+    for name in (*_COORDINATES, *_NUMBERS):
         if name in fields and _end(fields[name]) > msg.point_step:
             return Rejected(
                 'layout',

@@ -7,19 +7,18 @@ from dataclasses import dataclass
 
 from geometry_msgs.msg import PolygonStamped
 import numpy as np
+from p4pfr_ros.boards.conventions import CORNER_ORDERS
 from p4pfr_ros.core.geometry import Array, Ints
 
 from ..rejections import Rejected
 
-# Where a marker's corners lie, in sides of it, in the board's frame: x right, y up as printed.
-CORNER_ORDERS = {
-    'aruco_cw_from_top_left': ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5)),
-    'apriltag_ccw_from_bottom_left': ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)),
-}
-
 # Further out than any picture reaches, and near enough for squares and cubes of it.
 _FARTHEST_PX = 1e7
 _FARTHEST_M = 1e7
+
+# More than any board has: so many points take tenths of a second, and the calibration keeps 40
+# views of them.
+_MOST_POINTS = 10_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,12 +34,15 @@ class Correspondences:
         Metres, in the board's frame: x right, y up.
     ids : (N,) array of int
         Which point of the board each is.
+    board
+        Which board it is: its place among those of the board file.
 
     """
 
     image_points: Array
     board_points: Array
     ids: Ints
+    board: int = 0
 
 
 def correspondences_from_polygon(
@@ -63,15 +65,20 @@ def correspondences_from_polygon(
 
 
 def checked(
-    image_points: Array, board_points: Array, ids: Ints, topic: str
+    image_points: Array, board_points: Array, ids: Ints, topic: str, board: int = 0
 ) -> Correspondences | Rejected:
     """Hold what ``Correspondences`` promises, or say what is wrong."""
     if len(image_points) < 4:
         return Rejected(
             'point_count', f'{topic}: expected at least 4 points, got {len(image_points)}'
         )
+    if len(image_points) > _MOST_POINTS:
+        return Rejected(
+            'point_count',
+            f'{topic}: expected at most {_MOST_POINTS} points, got {len(image_points)}',
+        )
     if not (np.isfinite(image_points).all() and np.isfinite(board_points).all()):
         return Rejected('not_finite', f'{topic}: a coordinate is not finite')
     if np.abs(image_points).max() > _FARTHEST_PX or np.abs(board_points).max() > _FARTHEST_M:
         return Rejected('out_of_range', f'{topic}: a coordinate is beyond 1e7 (px, m)')
-    return Correspondences(image_points, board_points, ids)
+    return Correspondences(image_points, board_points, ids, board)

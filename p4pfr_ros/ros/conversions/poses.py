@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-``Pose`` <-> PoseStamped and PoseWithCovarianceStamped.
+``Pose`` <-> PoseStamped, PoseWithCovarianceStamped and TransformStamped.
 
 The pose is that of the board in the optical frame that the header names: x right, y down,
 z forward, metres.
@@ -9,7 +9,14 @@ z forward, metres.
 from __future__ import annotations
 
 from geometry_msgs.msg import Pose as PoseMsg
-from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from geometry_msgs.msg import (
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Quaternion,
+    Transform,
+    TransformStamped,
+    Vector3,
+)
 import numpy as np
 from p4pfr_ros.core.geometry import Array, Pose
 from std_msgs.msg import Header
@@ -22,7 +29,7 @@ UNDETERMINED_VARIANCE = 1e6
 
 def pose_msg(header: Header, camera_from_board: Pose) -> PoseStamped:
     """Make a PoseStamped."""
-    return PoseStamped(header=header, pose=_pose(camera_from_board))
+    return PoseStamped(header=header, pose=bare_pose_msg(camera_from_board))
 
 
 def pose_from_msg(msg: PoseStamped) -> Pose:
@@ -42,12 +49,36 @@ def pose_with_covariance_msg(
     ``UNDETERMINED_VARIANCE`` on the diagonal, 0 beside it.
     """
     msg = PoseWithCovarianceStamped(header=header)
-    msg.pose.pose = _pose(camera_from_board)
+    msg.pose.pose = bare_pose_msg(camera_from_board)
     msg.pose.covariance = _published(covariance).ravel()
     return msg
 
 
-def _pose(pose: Pose) -> PoseMsg:
+def transform_msg(
+    header: Header, child_frame: str, camera_from_board: Pose, inverse: bool = False
+) -> TransformStamped:
+    """
+    Make a TransformStamped from the header's frame, the parent, to the board's frame, the child.
+
+    inverse: the board's frame is the parent, and the header's the child. A frame has one parent
+    in /tf, so that is for a camera which has none, or one board that several cameras see.
+    """
+    camera_frame = header.frame_id
+    parent, child = (child_frame, camera_frame) if inverse else (camera_frame, child_frame)
+    pose = camera_from_board.inverse() if inverse else camera_from_board
+    x, y, z = pose.translation.tolist()
+    qx, qy, qz, qw = pose.quaternion_xyzw().tolist()
+    return TransformStamped(
+        header=Header(stamp=header.stamp, frame_id=parent),
+        child_frame_id=child,
+        transform=Transform(
+            translation=Vector3(x=x, y=y, z=z), rotation=Quaternion(x=qx, y=qy, z=qz, w=qw)
+        ),
+    )
+
+
+def bare_pose_msg(pose: Pose) -> PoseMsg:
+    """Make a Pose without a header."""
     msg = PoseMsg()
     msg.position.x, msg.position.y, msg.position.z = pose.translation.tolist()
     q = msg.orientation
@@ -56,7 +87,9 @@ def _pose(pose: Pose) -> PoseMsg:
 
 
 def _published(covariance: Array) -> Array:
-    variance = np.diag(covariance)
+    variance = np.diagonal(covariance)
+    if variance.max() <= UNDETERMINED_VARIANCE and np.isfinite(covariance).all():
+        return covariance
     known = np.isfinite(variance) & (variance <= UNDETERMINED_VARIANCE)
     # A whole row and column goes at once: what is left is still positive semidefinite.
     published = np.where(np.outer(known, known), covariance, 0.0)

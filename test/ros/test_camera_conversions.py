@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cameras to CameraInfo and back, without a network."""
+
+import dataclasses
+import re
+
+import numpy as np
+from p4pfr_ros import DivisionCamera
+from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros.ros.conversions import (
+    camera_info_division_msg,
+    camera_info_from_model_msg,
+    division_camera_from_msg,
+    image_frame_from_msg,
+    ImageFrame,
+    model_from_msg,
+)
+import pytest
+import scenes
+
+FRAME = ImageFrame((1280, 960))
+WINDOW = ImageFrame((1280, 960), offset_px=(100, 40), window=(640, 480), binning=(2, 4))
+BARREL = (-0.3, 0.1, 1e-3, 2e-3, 0.0)
+MODELS = [
+    CameraInfoModel('plumb_bob', BARREL, (900.0, 905.0), (650.0, 470.0), 0.0, FRAME.size),
+    DivisionCamera(700.0, (639.5, 479.5), -0.2).to_camera_info_model(FRAME.size),
+    DivisionCamera(400.0, (639.5, 479.5), -0.25).to_camera_info_model(FRAME.size),
+]
+over_models = pytest.mark.parametrize('model', MODELS, ids=lambda m: m.distortion_model)
+
+
+@over_models
+@pytest.mark.parametrize('frame', [FRAME, WINDOW], ids=['all', 'window'])
+def test_a_model_survives_its_message(model, frame):
+    msg = camera_info_from_model_msg(scenes.header(1), frame, model)
+    back = model_from_msg(msg)
+    assert back == dataclasses.replace(model, residual_px=0.0)
+    assert image_frame_from_msg(msg) == frame
+    assert msg.header == scenes.header(1)
+
+
+@over_models
+def test_the_matrices_are_those_of_the_full_picture(model):
+    """A window and binning change none of them: image_proc does that."""
+    msg = camera_info_from_model_msg(scenes.header(1), WINDOW, model)
+    (fx, fy), (x, y) = model.focal_px, model.center_px
+    k = [[fx, 0.0, x], [0.0, fy, y], [0.0, 0.0, 1.0]]
+    np.testing.assert_array_equal(msg.k.reshape(3, 3), k)
+    np.testing.assert_array_equal(msg.r.reshape(3, 3), np.eye(3))
+    np.testing.assert_array_equal(msg.p.reshape(3, 4), np.column_stack([k, np.zeros(3)]))
+    assert (msg.width, msg.height) == (1280, 960)
+
+
+@pytest.mark.parametrize(
+    ('frame', 'expected'),
+    [(FRAME, False), (WINDOW, True), (ImageFrame((1280, 960), window=(1280, 960)), False)],
+)
+def test_a_window_is_rectified_as_a_window(frame, expected):
+    msg = camera_info_from_model_msg(scenes.header(1), frame, MODELS[0])
+    assert msg.roi.do_rectify is expected
+
+
+@pytest.mark.parametrize('d', [BARREL[:4], BARREL], ids=['four', 'five'])
+def test_plumb_bob_comes_with_four_or_five(d):
+    msg = calibrated()
+    msg.d = d
+    assert model_from_msg(msg) == MODELS[0]
+
+
+def test_no_coefficients_are_no_distortion():
+    msg = calibrated()
+    msg.d = []
+    assert model_from_msg(msg).coefficients == (0.0,) * 5
+
+
+@pytest.mark.parametrize(
+    ('change', 'cause', 'reason'),
+    [
+        ({'k': np.zeros(9)}, 'uncalibrated', 'K is 0'),
+        ({'width': 0}, 'camera_info', 'width or height is 0'),
+        ({'distortion_model': ''}, 'camera_model', "one of plumb_bob, .*, got ''"),
+        ({'distortion_model': 'fov'}, 'camera_model', "one of plumb_bob, .*, got 'fov'"),
+        ({'distortion_model': 'division'}, 'camera_model', "got 'division'"),
+        ({'d': [0.1, 0.2, 0.3]}, 'camera_model', 'must be 5 of plumb_bob, got 3'),
+        ({'d': [0.1] * 12}, 'camera_model', 'must be 5 of plumb_bob, got 12'),
+        ({'d': [np.nan] * 5}, 'camera_model', 'coefficients must be finite'),
+        ({'distortion_model': 'equidistant', 'd': []}, 'camera_model', 'must be 4 of equidistant'),
+        ({'distortion_model': 'rational_polynomial'}, 'camera_model', 'must be 8 of rational'),
+        ({'k': np.array([9, 1, 3, 0, 9, 3, 0, 0, 1.0])}, 'camera_model', 'expected K = '),
+        ({'k': np.array([9, 0, 3, 0, 9, 3, 0, 0, 0.0])}, 'camera_model', 'expected K = '),
+        ({'k': np.array([-9, 0, 3, 0, 9, 3, 0, 0, 1.0])}, 'camera_model', 'focal_px must be > 0'),
+        ({'k': np.array([9, 0, np.nan, 0, 9, 3, 0, 0, 1])}, 'camera_model', 'must be finite'),
+    ],
+)
+def test_what_is_not_calibrated_or_not_known_is_rejected(change, cause, reason):
+    msg = calibrated()
+    for field, value in change.items():
+        setattr(msg, field, value)
+    rejected = model_from_msg(msg)
+    assert rejected.cause == cause
+    assert re.search(reason, rejected.reason)
+
+
+@pytest.mark.parametrize(
+    ('camera', 'd'),
+    [
+        (DivisionCamera(512.5, (300.25, 200.5), -0.125), [-0.125]),
+        (DivisionCamera(512.5, (300.25, 200.5)), [0.0]),
+        (DivisionCamera(512.5, (300.25, 200.5), -0.125, 0.25), [-0.125, 0.25, 0.0]),
+        (DivisionCamera(512.5, (300.25, 200.5), 0.0, 0.0, 0.5), [0.0, 0.0, 0.5]),
+    ],
+)
+def test_a_division_camera_has_as_many_coefficients_as_it_needs(camera, d):
+    msg = camera_info_division_msg(scenes.header(1), FRAME, camera)
+    assert list(msg.d) == d
+    assert division_camera_from_msg(msg) == camera
+
+
+@pytest.mark.parametrize('d', [[], [0.1, 0.2]])
+def test_another_number_of_coefficients_is_not_ours(d):
+    msg = camera_info_division_msg(scenes.header(1), FRAME, DivisionCamera(500.0, (3.0, 4.0)))
+    msg.d = d
+    with pytest.raises(ValueError, match=f'division.* with {len(d)} coefficients'):
+        division_camera_from_msg(msg)
+
+
+def calibrated():
+    """Make a driver's CameraInfo."""
+    return camera_info_from_model_msg(scenes.header(1), FRAME, MODELS[0])
