@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-detector_node and pose_node behind a camera.
+detector_node and pose_node behind a camera, and RViz where it is wanted.
 
     ros2 launch p4pfr_ros p4pfr.launch.py board_file:=/path/to/board.yaml \
         image:=/camera/image_raw camera_info:=/camera/camera_info
@@ -8,61 +8,93 @@ detector_node and pose_node behind a camera.
 All other parameters of both nodes may come from a file, each below its node's name:
 params_file:=/path/to/parameters.yaml
 
-The poses are on pose_node/pose, in the frame of the pictures.
+The poses are on pose_node/pose, in the frame of the pictures; with publish_tf:=true on /tf too.
+rviz:=true camera_frame:=FRAME shows them, FRAME being the one that the pictures are in.
 """
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
-from launch.substitutions import LaunchConfiguration
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+ARGUMENTS = (
+    ('params_file', '', 'YAML file of parameters for both nodes'),
+    ('namespace', '', 'of all nodes'),
+    ('image', 'image', 'topic of the pictures'),
+    ('camera_info', 'camera_info', 'topic that tells the size of the pictures; its K may be 0'),
+    ('transport', 'raw', 'raw, or compressed: IMAGE/compressed'),
+    ('lifecycle', 'false', 'whether pose_node waits for `ros2 lifecycle` to start it'),
+    ('rviz', 'false', 'whether RViz is started'),
+    ('camera_frame', 'camera_optical_frame', 'frame of the pictures, from which RViz looks'),
+)
+
+# Parameters of pose_node that may be arguments here; without, the file of parameters tells them.
+POSE_PARAMETERS = (
+    ('board_frame', str, "the board's frame"),
+    ('camera_name', str, "the camera's name in the file of its calibration"),
+    ('publish_tf', bool, 'whether poses are on /tf too'),
+)
 
 
 def generate_launch_description():
-    """Describe the two nodes and what they are told."""
-    arguments = [
-        DeclareLaunchArgument('board_file', description='YAML file of the board'),
-        DeclareLaunchArgument(
-            'params_file', default_value='', description='YAML file of parameters for both nodes'
-        ),
-        DeclareLaunchArgument('namespace', default_value='', description='of both nodes'),
-        DeclareLaunchArgument('image', default_value='image', description='topic of the pictures'),
-        DeclareLaunchArgument(
-            'camera_info',
-            default_value='camera_info',
-            description='topic that tells the size of the pictures; its K may be 0',
-        ),
-        DeclareLaunchArgument(
-            'transport', default_value='raw', description='raw, or compressed: IMAGE/compressed'
-        ),
+    """Describe the nodes and what they are told."""
+    board_file = DeclareLaunchArgument('board_file', description='YAML file of the board')
+    others = [*ARGUMENTS, *((name, '', text) for name, _, text in POSE_PARAMETERS)]
+    declared = [
+        DeclareLaunchArgument(name, default_value=default, description=text)
+        for name, default, text in others
     ]
-    return LaunchDescription([*arguments, OpaqueFunction(function=_nodes)])
+    return LaunchDescription([board_file, *declared, OpaqueFunction(function=_nodes), _rviz()])
 
 
 def _nodes(context):
     # Without such a file a node must not be told of one.
     params_file = LaunchConfiguration('params_file').perform(context)
     given = [params_file] if params_file else []
+    board_file = {'board_file': LaunchConfiguration('board_file')}
     detector = Node(
         package='p4pfr_ros',
         executable='detector_node',
         namespace=LaunchConfiguration('namespace'),
         parameters=[
             *given,
-            {
-                'board_file': LaunchConfiguration('board_file'),
-                'image.transport': LaunchConfiguration('transport'),
-            },
+            {**board_file, 'image.transport': LaunchConfiguration('transport')},
         ],
         remappings=[
             ('image', LaunchConfiguration('image')),
             ('image/compressed', [LaunchConfiguration('image'), '/compressed']),
         ],
     )
+    managed = IfCondition(LaunchConfiguration('lifecycle')).evaluate(context)
     pose = Node(
         package='p4pfr_ros',
-        executable='pose_node',
+        executable='lifecycle_pose_node' if managed else 'pose_node',
+        name='pose_node',
         namespace=LaunchConfiguration('namespace'),
-        parameters=given,
+        parameters=[*given, {**board_file, **_told(context)}],
         remappings=[('camera_info', LaunchConfiguration('camera_info'))],
     )
     return [detector, pose]
+
+
+def _told(context):
+    """Return the parameters of pose_node that are among the arguments."""
+    return {
+        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
+        for name, kind, _ in POSE_PARAMETERS
+        if LaunchConfiguration(name).perform(context)
+    }
+
+
+def _rviz():
+    config = PathJoinSubstitution([FindPackageShare('p4pfr_ros'), 'config', 'p4pfr.rviz'])
+    return Node(
+        package='rviz2',
+        executable='rviz2',
+        namespace=LaunchConfiguration('namespace'),
+        arguments=['-d', config, '-f', LaunchConfiguration('camera_frame')],
+        condition=IfCondition(LaunchConfiguration('rviz')),
+    )

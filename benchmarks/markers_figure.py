@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+docs/markers.png: what pose_node publishes on ~/markers, drawn from the message itself.
+
+    python -m benchmarks.markers_figure [--output docs]
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+import numpy as np
+from p4pfr_ros import DivisionCamera, estimate_pose, Pose
+from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.figure_style import STYLE
+from p4pfr_ros.ros.conversions import Correspondences
+from p4pfr_ros.ros.conversions.markers import markers_msg
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+_DOCS = Path(__file__).parent.parent / 'docs'
+_SIZE = (640, 480)
+_CAMERA = DivisionCamera(330.0, (319.5, 239.5), -0.25)
+_FACING = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.05, 0.0, 0.32]))
+_TURN_RAD = [0.35, -0.5, 0.15]
+_BACKGROUND = '#303030'  # RViz's own
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Draw the picture."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--output', type=Path, default=_DOCS, metavar='FOLDER')
+    folder = parser.parse_args(arguments).output
+    with mpl.rc_context(STYLE):
+        figure = draw(view())
+        figure.savefig(folder / 'markers.png', dpi=120, facecolor=_BACKGROUND)
+    return 0
+
+
+def view() -> MarkerArray:
+    """Make the markers of one noisy view with two wrong points."""
+    x, y = np.meshgrid(np.linspace(-0.1, 0.1, 9), np.linspace(-0.0625, 0.0625, 6))
+    board = np.stack([x.ravel(), y.ravel()], axis=1)
+    pose = _FACING @ Pose.from_rotation_vector(_TURN_RAD, np.zeros(3))
+    image = _CAMERA.project(pose.transform(np.pad(board, ((0, 0), (0, 1)))))
+    image += np.random.default_rng(2).normal(0.0, 0.5, image.shape)
+    image[[12, 40]] += 15.0
+    points = Correspondences(image, board, np.arange(len(board)))
+    estimate = estimate_pose(image, board, image_size=_SIZE)
+    return markers_msg(Header(), 'board', estimate, points, image, _SIZE)
+
+
+def draw(msg: MarkerArray) -> Figure:
+    """Draw each marker as RViz would, in the camera's frame seen over its shoulder."""
+    figure = Figure(figsize=(6.0, 4.2))
+    axes: Any = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection='3d')
+    axes.set_axis_off()
+    axes.set_facecolor(_BACKGROUND)
+    for marker in msg.markers:
+        # To matplotlib z is up: the optical frame's y is down, its z forward.
+        x, y, z = in_camera(marker).T
+        _draw_marker(axes, marker, np.stack([x, z, -y], axis=1))
+    for name, (low, high) in {'x': (-0.2, 0.2), 'y': (-0.03, 0.37), 'z': (-0.2, 0.2)}.items():
+        axes.set(**{f'{name}lim': (low, high)})
+    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.75)
+    axes.view_init(elev=28.0, azim=-68.0)
+    return figure
+
+
+def in_camera(marker: Marker) -> Array:
+    """Return a marker's points (N, 3) in its header's frame."""
+    q, p = marker.pose.orientation, marker.pose.position
+    pose = Pose.from_quaternion_xyzw([q.x, q.y, q.z, q.w], [p.x, p.y, p.z])
+    return pose.transform([(point.x, point.y, point.z) for point in marker.points])
+
+
+def _draw_marker(axes: Any, marker: Marker, points: Array) -> None:
+    color = _rgba(marker.color)
+    if marker.type == Marker.LINE_LIST:
+        for piece in points.reshape(-1, 2, 3):
+            axes.plot(*piece.T, color=color, linewidth=1.0)
+    elif marker.type == Marker.LINE_STRIP:
+        axes.plot(*points.T, color=color, linewidth=1.5)
+    elif marker.type == Marker.ARROW:
+        axes.quiver(*points[0], *(points[1] - points[0]), color=color, linewidth=2.5)
+    elif marker.type == Marker.SPHERE_LIST:
+        axes.scatter(*points.T, color=[_rgba(c) for c in marker.colors], s=26.0, depthshade=False)
+    elif marker.type == Marker.CUBE_LIST:
+        axes.scatter(*points.T, color=color, s=45.0, marker='s', depthshade=False)
+
+
+def _rgba(color: Any) -> tuple[float, float, float, float]:
+    return color.r, color.g, color.b, color.a
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What /diagnostics says of pose_node: how it is, why, and its numbers. No ROS in here."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+import enum
+
+from p4pfr_ros import PoseEstimate
+from p4pfr_ros.core.camera_estimate import CameraEstimate
+
+from .health_values import camera_values, number, UNKNOWN, view_values
+from .latencies import Latencies
+from .rejections import Rejected
+
+STALE_AFTER_S = 3.0
+PERIOD_S = 1.0
+
+# A change is told at once, but not more often than that.
+_SOONEST_S = 0.1
+
+# So long after it was last seen, a condition counts as present: every second view may have it.
+_HOLD_S = 2.0
+_RESTART_HOLD_S = 10.0
+
+_NO_IMAGE_SIZE = 'no_image_size'
+
+
+class Level(enum.IntEnum):
+    """As diagnostic_msgs/DiagnosticStatus has them."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """One state of the node: its level, the reasons in a line, and numbers as text by name."""
+
+    level: Level
+    message: str
+    values: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Reason:
+    """Something that is not as it should be, until it is forgotten."""
+
+    level: Level
+    text: str
+    until_s: float
+
+
+class Health:
+    """
+    Collects what happens to messages and judges it.
+
+    Noting an event costs a microsecond or two; numbers are worked out in ``status``. Every
+    ``now_s`` is the time in seconds of one steady clock. ``enabled`` is to follow the node's.
+    """
+
+    def __init__(self, now_s: float) -> None:
+        self.enabled = True
+        self.received_count = 0
+        self.answered_count = 0
+        self.rejections: Counter[str] = Counter()
+        self._latencies = Latencies(now_s)
+        self._received_s: float | None = None
+        self._answered_s: float | None = None
+        self._stamp_age_s: float | None = None
+        self._estimate: PoseEstimate | None = None
+        self._calibration = ''
+        self._views = 0
+        self._fused: CameraEstimate | None = None
+        self._camera_info = (UNKNOWN, UNKNOWN)
+        self._reasons: dict[str, _Reason] = {}
+        self._published_s: float | None = None
+        self._published: tuple[Level, tuple[str, ...]] | None = None
+
+    def received(self, now_s: float) -> None:
+        """Note a message with corners, whatever becomes of it."""
+        self.received_count += 1
+        self._received_s = now_s
+
+    def rejected(self, now_s: float, rejected: Rejected) -> None:
+        """Note a message that was not answered, and why."""
+        self.rejections[rejected.cause] += 1
+        # Nothing can be answered without the picture's size.
+        level = Level.ERROR if rejected.cause == _NO_IMAGE_SIZE else Level.WARN
+        text = f'rejected, {rejected.cause}: {rejected.reason}'
+        self._remember(now_s, f'rejected.{rejected.cause}', level, text)
+
+    def answered(
+        self, now_s: float, estimate: PoseEstimate, latency_s: float, stamp_age_s: float
+    ) -> None:
+        """
+        Note an estimate with a model, after it was published.
+
+        latency_s: since its message was received; stamp_age_s: since the stamp of its picture.
+        """
+        self.answered_count += 1
+        self._answered_s = now_s
+        self._latencies.add(now_s, latency_s)
+        self._stamp_age_s = stamp_age_s
+        self._estimate = estimate
+        if estimate.alternatives:
+            text = 'ambiguous: another pose explains the view as well'
+            self._remember(now_s, 'ambiguous', Level.WARN, text)
+        unseen = estimate.observable.undetermined
+        if unseen:
+            text = f'a view does not tell: {", ".join(unseen)}'
+            self._remember(now_s, 'unobservable', Level.WARN, text)
+
+    def calibrated(
+        self, now_s: float, state: str, views: int, fused: CameraEstimate | None, restarted: bool
+    ) -> None:
+        """Note the self-calibration's state after a view; restarted: the camera has changed."""
+        self._calibration, self._views, self._fused = state, views, fused
+        if restarted:
+            text = 'the camera has changed: its calibration has started over'
+            self._remember(now_s, 'camera_changed', Level.WARN, text, _RESTART_HOLD_S)
+
+    def camera_info(self, distortion_model: str, residual_px: float) -> None:
+        """Note in which model the camera is published, and how far that is off at most, px."""
+        self._camera_info = (distortion_model, number(residual_px, 4))
+
+    def due(self, now_s: float) -> bool:
+        """Return whether to publish: once a second, and at once when something has changed."""
+        since_s = PERIOD_S if self._published_s is None else now_s - self._published_s
+        if since_s >= PERIOD_S:
+            return True
+        return since_s >= _SOONEST_S and self._judge(now_s)[:2] != self._published
+
+    def status(self, now_s: float) -> Status:
+        """Return the state, which counts as published now."""
+        level, keys, texts = self._judge(now_s)
+        self._published_s, self._published = now_s, (level, keys)
+        return Status(level, '; '.join(texts), self._values(now_s))
+
+    def _remember(
+        self, now_s: float, key: str, level: Level, text: str, hold_s: float = _HOLD_S
+    ) -> None:
+        self._reasons[key] = _Reason(level, text, now_s + hold_s)
+
+    def _judge(self, now_s: float) -> tuple[Level, tuple[str, ...], list[str]]:
+        """Return the level, the reasons' keys and their texts; the gravest first."""
+        self._reasons = {k: r for k, r in self._reasons.items() if r.until_s > now_s}
+        if not self.enabled:
+            return Level.OK, ('disabled',), ['disabled: messages are not answered']
+        if self._received_s is None or now_s - self._received_s > STALE_AFTER_S:
+            ever = 'yet' if self._received_s is None else f'for more than {STALE_AFTER_S:g} s'
+            return Level.STALE, ('stale',), [f'no corners {ever}']
+        if not self._reasons:
+            key, text = self._all_is_well(now_s)
+            return Level.OK, (key,), [text]
+        ordered = sorted(self._reasons.items(), key=lambda item: (-item[1].level, item[0]))
+        level = ordered[0][1].level
+        if not self._is_answering(now_s) and any(k.startswith('rejected.') for k, _ in ordered):
+            level = Level.ERROR  # not one message among others, but all of them
+        return level, tuple(key for key, _ in ordered), [reason.text for _, reason in ordered]
+
+    def _is_answering(self, now_s: float) -> bool:
+        return self._answered_s is not None and now_s - self._answered_s <= _HOLD_S
+
+    def _all_is_well(self, now_s: float) -> tuple[str, str]:
+        if not self._is_answering(now_s):
+            return 'idle', 'idle: nobody listens to the answers'
+        return self._calibration, self._calibration or 'messages are answered'
+
+    def _values(self, now_s: float) -> dict[str, str]:
+        p50_s, p99_s = self._latencies.quantiles_s(now_s, 0.5, 0.99)
+        age_s = self._stamp_age_s
+        model, residual_px = self._camera_info
+        return {
+            'calibration': self._calibration or UNKNOWN,
+            'views': str(self._views),
+            **camera_values(self._fused, self._estimate),
+            'camera_info_model': model,
+            'camera_info_residual_px': residual_px,
+            **view_values(self._estimate),
+            'rate_hz': number(self._latencies.rate_hz(now_s), 1),
+            'latency_p50_ms': number(1e3 * p50_s, 2),
+            'latency_p99_ms': number(1e3 * p99_s, 2),
+            'stamp_age_ms': UNKNOWN if age_s is None else number(1e3 * age_s, 1),
+            'received': str(self.received_count),
+            'answered': str(self.answered_count),
+            **{f'rejected.{cause}': str(n) for cause, n in sorted(self.rejections.items())},
+        }

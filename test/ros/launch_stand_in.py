@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Stands in for ``launch`` and ``launch_ros``, which only a ROS installation has.
+
+As much of them as our launch files use, by the names and keywords that they have there: what
+should be started can be asked, and nothing is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+import runpy
+import sys
+from types import ModuleType
+from typing import Any
+from unittest import mock
+
+SHARE = '/share'
+
+
+def perform(value, configurations):
+    """Turn substitutions, or a list of them, into text."""
+    if isinstance(value, (list, tuple)):
+        return ''.join(perform(part, configurations) for part in value)
+    return value if isinstance(value, str) else value.perform(configurations)
+
+
+@dataclass
+class LaunchConfiguration:
+    """An argument's value."""
+
+    name: str
+
+    def perform(self, configurations):
+        """Return it as text."""
+        return configurations[self.name]
+
+
+@dataclass
+class PathJoinSubstitution:
+    """Parts of a path."""
+
+    parts: list[Any]
+
+    def perform(self, configurations):
+        """Return it as text."""
+        return '/'.join(perform(part, configurations) for part in self.parts)
+
+
+@dataclass
+class FindPackageShare:
+    """Where a package's files are."""
+
+    package: str
+
+    def perform(self, _):
+        """Return it as text."""
+        return f'{SHARE}/{self.package}'
+
+
+@dataclass
+class ParameterValue:
+    """A parameter whose type is not guessed."""
+
+    value: Any
+    value_type: type = field(kw_only=True)
+
+    def perform(self, configurations):
+        """Return it as what it is to be."""
+        text = perform(self.value, configurations)
+        return {'true': True, 'false': False}[text] if self.value_type is bool else text
+
+
+@dataclass
+class PythonLaunchDescriptionSource:
+    """The path of another launch file."""
+
+    location: Any
+
+
+@dataclass
+class IfCondition:
+    """Whether something is to be done at all."""
+
+    expression: Any
+
+    def evaluate(self, configurations):
+        """Return whether it holds."""
+        return {'true': True, 'false': False}[perform(self.expression, configurations)]
+
+
+@dataclass
+class DeclareLaunchArgument:
+    """An argument; without a default it has to be given."""
+
+    name: str
+    default_value: Any = field(default=None, kw_only=True)
+    description: str = field(kw_only=True)
+
+    def visit(self, run):
+        """Do it."""
+        run.declared.add(self.name)
+        if self.name not in run.configurations:
+            assert self.default_value is not None, f'{self.name} is missing'
+            run.configurations[self.name] = perform(self.default_value, run.configurations)
+
+
+@dataclass
+class OpaqueFunction:
+    """What is only known when arguments are."""
+
+    function: Any = field(kw_only=True)
+
+    def visit(self, run):
+        """Do it."""
+        run.visit_all(self.function(run.configurations))
+
+
+@dataclass
+class IncludeLaunchDescription:
+    """Another launch file; it sees our arguments, and those that it is told stay ours too."""
+
+    source: PythonLaunchDescriptionSource
+    launch_arguments: Any = field(default=(), kw_only=True)
+
+    def visit(self, run):
+        """Do it."""
+        for name, value in self.launch_arguments:
+            run.configurations[name] = perform(value, run.configurations)
+        run.include(perform(self.source.location, run.configurations))
+
+
+@dataclass
+class GroupAction:
+    """Actions after which the arguments are what they were."""
+
+    actions: list[Any]
+
+    def visit(self, run):
+        """Do it."""
+        before = dict(run.configurations)
+        run.visit_all(self.actions)
+        run.configurations.clear()
+        run.configurations.update(before)
+
+
+@dataclass(kw_only=True)
+class Node:
+    """A node's process."""
+
+    package: str
+    executable: str
+    name: str | None = None
+    namespace: Any = ''
+    parameters: list[Any] = field(default_factory=list)
+    remappings: list[Any] = field(default_factory=list)
+    arguments: list[Any] = field(default_factory=list)
+    condition: IfCondition | None = None
+
+    def visit(self, run):
+        """Do it."""
+        now = run.configurations
+        if self.condition is not None and not self.condition.evaluate(now):
+            return
+        files = [p for p in self.parameters if isinstance(p, str)]
+        given = {k: v for p in self.parameters if isinstance(p, dict) for k, v in p.items()}
+        run.nodes.append(
+            Node(
+                package=self.package,
+                executable=self.executable,
+                name=self.name,
+                namespace=perform(self.namespace, now),
+                parameters=[*files, {k: perform(v, now) for k, v in given.items()}],
+                remappings=[(a, perform(b, now)) for a, b in self.remappings],
+                arguments=[perform(argument, now) for argument in self.arguments],
+            )
+        )
+
+
+@dataclass
+class LaunchDescription:
+    """What a launch file describes."""
+
+    entities: list[Any]
+
+
+_MODULES = {
+    'launch': (LaunchDescription,),
+    'launch.actions': (
+        DeclareLaunchArgument,
+        GroupAction,
+        IncludeLaunchDescription,
+        OpaqueFunction,
+    ),
+    'launch.conditions': (IfCondition,),
+    'launch.launch_description_sources': (PythonLaunchDescriptionSource,),
+    'launch.substitutions': (LaunchConfiguration, PathJoinSubstitution),
+    'launch_ros': (),
+    'launch_ros.actions': (Node,),
+    'launch_ros.parameter_descriptions': (ParameterValue,),
+    'launch_ros.substitutions': (FindPackageShare,),
+}
+
+
+class Run:
+    """What comes of a launch file with some arguments: ``nodes``, in order."""
+
+    def __init__(self, path, root, **arguments):
+        self.nodes = []
+        self.declared = set()
+        self.configurations = dict(arguments)
+        self._root = root
+        self._read(path)
+        unknown = set(arguments) - self.declared
+        assert not unknown, f'not declared: {unknown}'
+
+    def include(self, location):
+        """Read a launch file of an installed package: ours are in the tree."""
+        self._read(self._root / location.removeprefix(f'{SHARE}/p4pfr_ros/'))
+
+    def visit_all(self, entities):
+        """Do one after the other."""
+        for entity in entities:
+            entity.visit(self)
+
+    def _read(self, path):
+        with mock.patch.dict(sys.modules, _modules()):
+            described = runpy.run_path(str(path))['generate_launch_description']()
+        self.visit_all(described.entities)
+
+
+def _modules():
+    modules = {name: ModuleType(name) for name in _MODULES}
+    for name, things in _MODULES.items():
+        for thing in things:
+            setattr(modules[name], thing.__name__, thing)
+    return modules
