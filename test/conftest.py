@@ -5,7 +5,12 @@ import os
 import sys
 
 # 0 is where everyone is; above 101, DDS's ports would run into the system's own.
-os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 101))
+MOST_DOMAINS = 101
+domain = int(os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % MOST_DOMAINS)))
+# Processes that share the work (pytest -n) inherit that, and each needs one of its own.
+worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
+if worker > 0:
+    os.environ['ROS_DOMAIN_ID'] = str(1 + (domain - 1 + worker) % MOST_DOMAINS)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 # Where the ROS wheels keep ament's index; a sourced ROS has said so already.
 os.environ.setdefault('AMENT_PREFIX_PATH', sys.prefix)

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parent.parent
 MODULES = sorted((ROOT / 'p4pfr_ros').rglob('*.py'))
 SOURCES = sorted(
     path
-    for folder in ('p4pfr_ros', 'test', 'launch', 'benchmarks')
+    for folder in ('p4pfr_ros', 'test', 'launch', 'benchmarks', 'docs')
     for path in (ROOT / folder).rglob('*.py')
 )
 

@@ -15,7 +15,7 @@ import p4pfr_ros
 import pytest
 
 ROOT = Path(__file__).parent.parent
-NODES = {'pose_node', 'detector_node', 'camera_simulator'}
+NODES = {'pose_node', 'lifecycle_pose_node', 'detector_node', 'camera_simulator'}
 
 # What PyPI and rosdep call the modules that we import.
 PYPI = {'cv2': 'opencv-python-headless', 'yaml': 'pyyaml', 'catkin_pkg': 'catkin-pkg'}
@@ -28,7 +28,14 @@ ROSDEP = {
     'rich': 'python3-rich',
     'yaml': 'python3-yaml',
 }
-COME_WITH_RCLPY = {'ament_index_python', 'builtin_interfaces', 'rosidl_generator_py'}
+# Imported where they are there, and asked for by name where they are not.
+OPTIONAL = {'apriltag_msgs', 'rosbags'}
+COME_WITH_RCLPY = {
+    'ament_index_python',
+    'builtin_interfaces',
+    'lifecycle_msgs',
+    'rosidl_generator_py',
+}
 
 
 @pytest.fixture(scope='module')
@@ -78,7 +85,7 @@ def test_changelog_reads_as_rep_132():
 
 
 def test_package_xml_names_what_is_imported(package):
-    used = third_parties('p4pfr_ros', 'launch') - {'apriltag_msgs'}
+    used = third_parties('p4pfr_ros', 'launch') - OPTIONAL
     assert {d.name for d in package.exec_depends} == {ROSDEP.get(top, top) for top in used}
 
 
@@ -87,8 +94,14 @@ def test_setup_py_names_what_is_imported():
     assert requirements() == {PYPI.get(top, top) for top in from_pypi}
 
 
+def test_recordings_have_an_extra_of_their_own():
+    assert requirements('bags') == {'rosbags'}
+    assert requirements('bags') <= requirements('test')
+
+
 def test_extra_and_package_xml_name_what_the_tests_import(package):
-    local = {path.stem for path in (ROOT / 'test').rglob('*.py')}
+    local = {path.stem for folder in ('docs', 'test') for path in (ROOT / folder).rglob('*.py')}
+    local.add('node_pages')
     used = third_parties('test') - third_parties('p4pfr_ros') - local - COME_WITH_RCLPY
     assert {PYPI.get(top, top) for top in used} <= requirements('test')
     rosdep = {ROSDEP.get(top, f'python3-{top}') for top in used}
@@ -116,7 +129,7 @@ def test_data_files_are_installed():
     from ament_index_python.packages import get_package_share_directory
 
     share = Path(get_package_share_directory('p4pfr_ros'))
-    for pattern in ('package.xml', 'config/*.yaml', 'config/boards/*.yaml', 'launch/*.launch.py'):
+    for pattern in ('package.xml', 'config/*.*', 'config/boards/*.yaml', 'launch/*.launch.py'):
         ours = {str(path.relative_to(ROOT)) for path in ROOT.glob(pattern)}
         assert ours, pattern
         assert ours == {str(path.relative_to(share)) for path in share.glob(pattern)}

@@ -12,9 +12,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.client import Client
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
@@ -44,9 +46,13 @@ def subscribe(
     )
 
 
-def advertise(node: Node, message_type: type[Any], topic: str) -> Publisher:
-    """Make a reliable publisher."""
+def advertise(
+    node: Node, message_type: type[Any], topic: str, *, latched: bool = False
+) -> Publisher:
+    """Make a reliable publisher; a latched one tells its last message to whoever comes late."""
     qos = QoSProfile(depth=_OUTPUT_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+    if latched:
+        qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     overrides = QoSOverridingOptions(_OVERRIDABLE)
     return node.create_publisher(message_type, topic, qos, qos_overriding_options=overrides)
 
@@ -54,3 +60,58 @@ def advertise(node: Node, message_type: type[Any], topic: str) -> Publisher:
 def is_heard(*publishers: Publisher) -> bool:
     """Return whether anybody subscribes to any of them."""
     return any(publisher.get_subscription_count() > 0 for publisher in publishers)
+
+
+class Endpoints:
+    """
+    What a node makes to talk to others, and takes down again as a whole.
+
+    Parameters
+    ----------
+    node
+        Whose they are.
+
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._destroyers: list[Callable[[], object]] = []
+
+    def subscribe(
+        self, message_type: type[Any], topic: str, callback: Callable[[Any], None]
+    ) -> None:
+        """Subscribe to a sensor's data."""
+        made = subscribe(self._node, message_type, topic, callback)
+        self._destroyers.append(lambda: self._node.destroy_subscription(made))
+
+    def advertise(
+        self, message_type: type[Any], topic: str, *, latched: bool = False
+    ) -> Publisher:
+        """Make a reliable publisher."""
+        made = advertise(self._node, message_type, topic, latched=latched)
+        self._destroyers.append(lambda: self._node.destroy_publisher(made))
+        return made
+
+    def serve(
+        self, service_type: type[Any], name: str, callback: Callable[[Any, Any], Any]
+    ) -> None:
+        """Offer a service."""
+        made = self._node.create_service(service_type, name, callback)
+        self._destroyers.append(lambda: self._node.destroy_service(made))
+
+    def client(self, service_type: type[Any], name: str) -> Client:
+        """Make the client of somebody's service."""
+        made = self._node.create_client(service_type, name)
+        self._destroyers.append(lambda: self._node.destroy_client(made))
+        return made
+
+    def every(self, period_s: float, callback: Callable[[], None]) -> None:
+        """Call something again and again, also while simulated time stands still."""
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        made = self._node.create_timer(period_s, callback, clock=steady)
+        self._destroyers.append(lambda: self._node.destroy_timer(made))
+
+    def close(self) -> None:
+        """Take all of them down, the last one first."""
+        while self._destroyers:
+            self._destroyers.pop()()

@@ -5,81 +5,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from .conversions import CORNER_ORDERS
 from .parameters import parameter
-from .robust_options import RobustOptions
+from .pose_options import LARGEST_IMAGE_PX, PoseNodeOptions
 
-_LARGEST_IMAGE_PX = 65535
-
-
-@dataclass(frozen=True, slots=True)
-class MarkerOptions:
-    """The marker whose corners come on the topic ``corners``."""
-
-    size_m: float = parameter(
-        0.0,
-        'Side of the marker: outer edge of its black border, metres. 0: not known, and messages '
-        'on the topic corners are rejected.',
-        low=0.0,
-        high=1000.0,
-    )
-    corner_order: str = parameter(
-        'aruco_cw_from_top_left',
-        "Order of the four corners: OpenCV's ArUco (clockwise from the top left) or AprilTag's "
-        '(counter-clockwise from the bottom left), as seen on the upright printed marker.',
-        choices=tuple(CORNER_ORDERS),
-    )
-    pixel_center_px: float = parameter(
-        0.0,
-        'Coordinate of the middle of the first pixel in the corners: 0 as in ROS and OpenCV, 0.5 '
-        "as in AprilTag's own library. It is subtracted from them.",
-        low=0.0,
-        high=0.5,
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class ImageOptions:
-    """The picture's size where nobody publishes ``camera_info``, and its optical centre."""
-
-    width_px: int = parameter(
-        0,
-        'Width of the full raw picture, used until a camera_info has come. 0: not known.',
-        low=0,
-        high=_LARGEST_IMAGE_PX,
-    )
-    height_px: int = parameter(
-        0,
-        'Height of the full raw picture, used until a camera_info has come. 0: not known.',
-        low=0,
-        high=_LARGEST_IMAGE_PX,
-    )
-    center_x_px: float = parameter(
-        -1.0,
-        'Optical centre of the lens in the full raw picture, x. -1: the middle of the picture.',
-        low=-1.0,
-        high=float(_LARGEST_IMAGE_PX),
-    )
-    center_y_px: float = parameter(
-        -1.0,
-        'Optical centre of the lens in the full raw picture, y. -1: the middle of the picture.',
-        low=-1.0,
-        high=float(_LARGEST_IMAGE_PX),
-    )
-
-    def center_px(self, size: tuple[int, int]) -> tuple[float, float]:
-        """Return the optical centre in a full raw picture of a size, px."""
-        x, y = self.center_x_px, self.center_y_px
-        return (0.5 * (size[0] - 1) if x < 0.0 else x, 0.5 * (size[1] - 1) if y < 0.0 else y)
-
-
-@dataclass(frozen=True, slots=True)
-class PoseNodeOptions:
-    """Parameters of pose_node."""
-
-    marker: MarkerOptions = field(default_factory=MarkerOptions)
-    image: ImageOptions = field(default_factory=ImageOptions)
-    robust: RobustOptions = field(default_factory=RobustOptions)
+__all__ = ['CameraSimulatorOptions', 'DetectorNodeOptions', 'PoseNodeOptions']
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +29,9 @@ class DetectorNodeOptions:
     """Parameters of detector_node."""
 
     board_file: str = parameter(
-        '', 'Path of the YAML file that describes the board. Required.', read_only=True
+        '',
+        'Path of the YAML file that describes the board, or several boards. Required.',
+        read_only=True,
     )
     image: TransportOptions = field(default_factory=TransportOptions)
 
@@ -110,10 +41,10 @@ class SimulatedCameraOptions:
     """The camera that camera_simulator looks through."""
 
     width_px: int = parameter(
-        640, 'Width of the picture, pixels.', low=32, high=_LARGEST_IMAGE_PX, read_only=True
+        640, 'Width of the picture, pixels.', low=32, high=LARGEST_IMAGE_PX, read_only=True
     )
     height_px: int = parameter(
-        480, 'Height of the picture, pixels.', low=32, high=_LARGEST_IMAGE_PX, read_only=True
+        480, 'Height of the picture, pixels.', low=32, high=LARGEST_IMAGE_PX, read_only=True
     )
     focal_px: float = parameter(
         520.0, 'Focal length at the centre of the picture, pixels.', low=1.0, high=100_000.0

@@ -8,7 +8,7 @@ itself is a group: ``options.marker.size_m`` is the parameter ``marker.size_m``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 import dataclasses
 from difflib import get_close_matches
 from typing import Any, Generic, TypeVar
@@ -106,6 +106,7 @@ class Parameters(Generic[Options]):
 
     def __init__(self, node: Node, defaults: Options) -> None:
         self._node = node
+        self._check: Callable[[Options], None] | None = None
         self._names = [name for name, _, _ in flattened(defaults)]
         try:
             values = {name: self._declare(name, *rest) for name, *rest in flattened(defaults)}
@@ -115,6 +116,23 @@ class Parameters(Generic[Options]):
         self._warn_of_unknown()
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._take)
+
+    def guard(self, check: Callable[[Options], None] | None) -> None:
+        """
+        Hold the values against something that only the node knows, now and at each change.
+
+        Raises
+        ------
+        ConfigError
+            What ``check`` raises of the values as they are: names the node.
+
+        """
+        if check is not None:
+            try:
+                check(self.options)
+            except ConfigError as error:
+                raise ConfigError(f'{self._node.get_name()}: {error}') from None
+        self._check = check
 
     def _declare(self, name: str, default: Any, spec: Spec) -> Any:
         try:
@@ -135,7 +153,9 @@ class Parameters(Generic[Options]):
 
     def _validate(self, changes: list[Parameter]) -> SetParametersResult:
         try:
-            replaced(self.options, self._ours(changes))
+            new = replaced(self.options, self._ours(changes))
+            if self._check is not None:
+                self._check(new)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

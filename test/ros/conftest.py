@@ -28,6 +28,7 @@ import rclpy
 from rclpy.qos import QoSProfile
 
 PATIENCE_S = 40.0
+ASK_AGAIN_S = 3.0
 
 
 class NodeProcess:
@@ -97,6 +98,21 @@ class Peer:
         heard = []
         self.node.create_subscription(message_type, topic, heard.append, QoSProfile(depth=depth))
         return heard
+
+    def call(self, service_type, name, **request):
+        """Ask a service, again if need be; return its answer."""
+        client = self.node.create_client(service_type, name)
+        answers, asks_s = [], [0.0]
+
+        def ask():
+            # It can be seen before it sees its client, and then its answer is lost.
+            if client.service_is_ready() and time.monotonic() > asks_s[-1] + ASK_AGAIN_S:
+                answers.append(client.call_async(service_type.Request(**request)))
+                asks_s.append(time.monotonic())
+
+        self.until(lambda: any(answer.done() for answer in answers), meanwhile=ask)
+        self.node.destroy_client(client)
+        return next(answer.result() for answer in answers if answer.done())
 
     def until(self, condition, patience_s=PATIENCE_S, meanwhile=None, every_s=0.1):
         """Spin until a condition holds, calling ``meanwhile`` now and then."""

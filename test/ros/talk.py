@@ -10,10 +10,22 @@ import scenes
 from sensor_msgs.msg import CameraInfo, PointCloud2
 
 
-class Talk:
-    """A conversation with one pose_node."""
+def set_parameters(peer, values, node='pose_node', refused=False):
+    """Change parameters of a node together; return why that was refused."""
+    client = AsyncParameterClient(peer.node, node)
+    peer.until(client.services_are_ready)
+    changes = [Parameter(name, value=value) for name, value in values.items()]
+    future = client.set_parameters_atomically(changes)
+    peer.until(future.done)
+    result = future.result().result
+    assert result.successful != refused, result.reason
+    return result.reason
 
-    def __init__(self, peer, **options):
+
+class Talk:
+    """A conversation with one pose_node, which answers each view by itself unless told to."""
+
+    def __init__(self, peer, parameters=(), **options):
         self.peer = peer
         self.poses = peer.listen(PoseStamped, 'pose_node/pose')
         self.covariances = peer.listen(PoseWithCovarianceStamped, 'pose_node/pose_with_covariance')
@@ -21,7 +33,8 @@ class Talk:
         self.corners = peer.publisher(PolygonStamped, 'corners')
         self.cloud = peer.publisher(PointCloud2, 'correspondences')
         self.camera_info = peer.publisher(CameraInfo, 'camera_info')
-        self.node = peer.start('pose_node', **options)
+        parameters = {'intrinsics.mode': 'per_frame'} | dict(parameters)
+        self.node = peer.start('pose_node', parameters=parameters, **options)
         publishers = (self.corners, self.cloud, self.camera_info)
         peer.until(lambda: all(p.get_subscription_count() for p in publishers))
 
@@ -49,12 +62,7 @@ class Talk:
 
     def set(self, name, value):
         """Change a parameter of the node."""
-        client = AsyncParameterClient(self.peer.node, 'pose_node')
-        self.peer.until(client.services_are_ready)
-        future = client.set_parameters([Parameter(name, value=value)])
-        self.peer.until(future.done)
-        result = future.result().results[0]
-        assert result.successful, result.reason
+        set_parameters(self.peer, {name: value})
 
     def lines(self):
         """Return what the node has printed."""

@@ -13,6 +13,14 @@ import rclpy
 
 pytestmark = pytest.mark.dds
 
+# The nodes, and the file of parameters that is theirs.
+NODES = {
+    'pose_node': 'pose_node',
+    'lifecycle_pose_node': 'pose_node',
+    'detector_node': 'detector_node',
+    'camera_simulator': 'camera_simulator',
+}
+
 # A node that is the first on its machine compiles the kernels.
 PATIENCE_S = 100.0
 ASK_AGAIN_S = 3.0
@@ -27,11 +35,11 @@ def observer(dds):
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
-@pytest.mark.parametrize('name', ['pose_node', 'detector_node', 'camera_simulator'])
+@pytest.mark.parametrize('name', NODES)
 def test_node_answers_and_ends_cleanly(name, number, observer):
     share = Path(get_package_share_directory('p4pfr_ros'))
-    arguments = ['--ros-args', '--params-file', share / f'config/{name}.yaml']
-    if name != 'pose_node':
+    arguments = ['--ros-args', '--params-file', share / f'config/{NODES[name]}.yaml']
+    if NODES[name] != 'pose_node':
         arguments += ['-p', f'board_file:={share}/config/boards/chessboard_9x6_25mm.yaml']
     executable = Path(get_package_prefix('p4pfr_ros'), 'lib', 'p4pfr_ros', name)
     process = subprocess.Popen([executable, *arguments])

@@ -4,7 +4,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from p4pfr_ros import RansacOptions
+from p4pfr_ros import CalibrationOptions, RansacOptions
 from p4pfr_ros.files import ConfigError
 from p4pfr_ros.ros.options import CameraSimulatorOptions, DetectorNodeOptions, PoseNodeOptions
 from p4pfr_ros.ros.parameters import flattened, parameter, Parameters, replaced
@@ -127,7 +127,7 @@ def test_every_parameter_is_described_and_every_number_has_a_range(dds, options)
         assert descriptor.description.endswith('.')
         assert descriptor.read_only == spec.read_only
         ranges = [*descriptor.integer_range, *descriptor.floating_point_range]
-        if isinstance(value, str):
+        if isinstance(value, (str, bool)):
             assert not ranges
             assert not spec.choices or value in spec.choices
         else:
@@ -170,3 +170,31 @@ def test_the_solver_gets_what_the_parameters_say():
         replaced(PoseNodeOptions(), {'robust.prior_focal_px': 500.0})
     with pytest.raises(ConfigError, match=r'^robust\.max_fov_deg'):
         replaced(PoseNodeOptions(), {'robust.max_fov_deg': 2.0})
+
+
+def test_the_calibration_gets_what_the_parameters_say():
+    """``calibration.*`` are the fields of CalibrationOptions, by name and by default."""
+    assert PoseNodeOptions().calibration.core() == CalibrationOptions()
+    changed = replaced(PoseNodeOptions(), {'calibration.max_views': 60})
+    assert changed.calibration.core() == CalibrationOptions(max_views=60)
+    with pytest.raises(ConfigError, match=r'^calibration\.min_views'):
+        replaced(PoseNodeOptions(), {'calibration.min_views': 41})
+
+
+def test_a_guard_refuses_what_only_the_node_knows_to_be_wrong(node):
+    """At once, and at every change, until it is taken away."""
+    parameters = Parameters(node, _Options())
+
+    def at_most_five(options):
+        if options.count > 5:
+            raise ConfigError(f'count: expected at most 5, got {options.count}')
+
+    parameters.guard(at_most_five)
+    refused = _change(node, count=6)
+    assert (refused.successful, refused.reason) == (False, 'count: expected at most 5, got 6')
+    assert parameters.options.count == 3
+    parameters.guard(None)
+    assert _change(node, count=6).successful
+    with pytest.raises(ConfigError, match=r'^with_parameters: count: expected at most 5, got 6'):
+        parameters.guard(at_most_five)
+    assert _change(node, count=7).successful

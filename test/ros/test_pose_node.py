@@ -9,7 +9,7 @@ from p4pfr_ros.ros.conversions import cloud_msg, division_camera_from_msg, pose_
 import pytest
 import scenes
 from sensor_msgs.msg import PointCloud2, RegionOfInterest
-from talk import assert_close, Talk
+from talk import assert_close, set_parameters, Talk
 
 pytestmark = pytest.mark.dds
 
@@ -173,12 +173,16 @@ def test_corners_of_a_window_are_those_of_the_full_picture(peer):
     np.testing.assert_allclose(camera.k[[0, 2, 5]], [520.0, 319.5, 239.5], rtol=1e-4)
 
 
-def test_nothing_is_computed_for_nobody(module_peer):
-    """With no subscriber to any answer, a good message costs its conversion only."""
+def test_nothing_is_computed_for_nobody_but_the_camera(module_peer):
+    """Without a subscriber, a good message costs its conversion only; self-calibration goes on."""
     publisher = module_peer.node.create_publisher(PointCloud2, 'unheard/correspondences', 1)
     quiet = module_peer.start(
         'pose_node',
-        parameters={'image.width_px': 640, 'image.height_px': 480},
+        parameters={
+            'intrinsics.mode': 'per_frame',
+            'image.width_px': 640,
+            'image.height_px': 480,
+        },
         remaps=['correspondences:=unheard/correspondences', '__node:=unheard'],
     )
     module_peer.until(publisher.get_subscription_count)
@@ -187,6 +191,12 @@ def test_nothing_is_computed_for_nobody(module_peer):
     publisher.publish(useless)
     module_peer.quiet(0.5)
     assert 'collinear' not in quiet.output
+    set_parameters(module_peer, {'intrinsics.mode': 'self_calibrate'}, node='unheard')
+    module_peer.until(
+        lambda: 'calibration: the camera is known roughly' in quiet.output,
+        meanwhile=lambda: publisher.publish(scenes.board_cloud(1)),
+    )
+    set_parameters(module_peer, {'intrinsics.mode': 'per_frame'}, node='unheard')
     heard = module_peer.listen(PoseStamped, 'unheard/pose')
     module_peer.until(
         lambda: '[collinear: ' in quiet.output, meanwhile=lambda: publisher.publish(useless)

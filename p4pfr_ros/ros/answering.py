@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From what was seen in a picture to what is published of it, and to what is said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+import time
+
+from sensor_msgs.msg import CameraInfo
+from std_msgs.msg import Header
+
+from .calibration_keeper import CalibrationKeeper
+from .inputs import Found
+from .intrinsics import Intrinsics, View
+from .intrinsics_options import SELF_CALIBRATE
+from .pictures import outside, Pictures
+from .pose_options import PoseNodeOptions
+from .publishing import Publishing
+from .rejections import Rejected
+from .reports import Reports
+from .seen_board import SeenBoard
+
+
+class Answering:
+    """
+    Answers the boards of a picture, one after the other.
+
+    Parameters
+    ----------
+    keeper
+        Looks after the calibration.
+    publishing
+        Takes the answers.
+    reports
+        Hears of everything.
+
+    """
+
+    def __init__(
+        self, keeper: CalibrationKeeper, publishing: Publishing, reports: Reports
+    ) -> None:
+        self._keeper, self._publishing, self._reports = keeper, publishing, reports
+        self._pictures = Pictures()
+        self._intrinsics = Intrinsics(keeper.found, self._pictures.model)
+
+    def on_camera_info(self, msg: CameraInfo) -> None:
+        """Take what is said of the pictures."""
+        rejected = self._pictures.hear(msg)
+        if rejected is not None:
+            self._reports.reject(rejected)
+
+    def on_found(self, header: Header, found: Iterable[Found], options: PoseNodeOptions) -> None:
+        """Answer all boards of one picture, those that can be."""
+        received_s = time.monotonic()
+        self._reports.received(received_s)
+        for one in found:
+            board = self._seen_board(header, one, options)
+            if isinstance(board, Rejected):
+                self._reports.reject(board)
+            elif self._is_wanted(board, options):
+                self._answer(board, options, received_s)
+
+    def _seen_board(
+        self, header: Header, found: Found, options: PoseNodeOptions
+    ) -> SeenBoard | Rejected:
+        """Put together what is known of a board in a picture; some of it may not be."""
+        if isinstance(found, Rejected):
+            return found
+        target, points = found
+        frame = self._pictures.frame(options.image)
+        if isinstance(frame, Rejected):
+            return frame
+        full_px = frame.full_from_sent(points.image_points)
+        beyond = outside(full_px, frame)
+        return beyond or SeenBoard(header, frame, target, points, full_px)
+
+    def _is_wanted(self, board: SeenBoard, options: PoseNodeOptions) -> bool:
+        """Return whether there is anything to learn, or anybody to hear the answer."""
+        learns = options.intrinsics.mode == SELF_CALIBRATE
+        return learns or self._publishing.is_heard(board.target, options)
+
+    def _answer(self, board: SeenBoard, options: PoseNodeOptions, received_s: float) -> None:
+        self._reports.remark(self._pictures.remark_on(board.header))
+        answer = self._intrinsics.answer(_view(board), options)
+        if isinstance(answer, Rejected):
+            self._reports.reject(answer)
+            return
+        self._reports.published(self._publishing.publish(board, answer, options))
+        self._reports.answered(board.stamp_ns, answer.estimate, received_s)
+        self._reports.remark(answer.remark)
+        if options.intrinsics.mode == SELF_CALIBRATE:
+            restarted = answer.remark is not None
+            self._keeper.look_after(board.header, board.frame, options, restarted=restarted)
+            self._reports.calibrated(self._keeper.found, restarted=restarted)
+        else:
+            self._reports.calibrated(None)
+
+
+def _view(board: SeenBoard) -> View:
+    points = board.points.board_points
+    return View(board.image_points, points, board.frame.size, board.stamp_ns)

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+From a view to its answer, by each of the modes: how the camera comes to be known.
+
+No message and no node in here: views in, answers out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import functools
+
+from p4pfr_ros import (
+    CalibrationOptions,
+    DivisionCamera,
+    estimate_pose,
+    PoseEstimate,
+    RansacOptions,
+)
+from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.known_lens import estimate_pose_by_model
+
+from .calibration_options import SelfCalibrationOptions
+from .intrinsics_options import CAMERA_INFO, FIXED, PER_FRAME, SELF_CALIBRATE
+from .pose_options import PoseNodeOptions
+from .rejections import Rejected
+from .robust_options import RobustOptions
+from .self_calibrating import SelfCalibrating
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """
+    One board in one picture.
+
+    image_points (N, 2) px of the full raw picture, whose size is image_size; board_points (N, 2)
+    metres; stamp_ns: when it was taken.
+    """
+
+    image_points: Array
+    board_points: Array
+    image_size: tuple[int, int]
+    stamp_ns: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """
+    What is known of a view.
+
+    estimate
+        Its pose and camera, or why there are none.
+    camera
+        A camera that the world should hear of, if this view has brought one forth.
+    remark
+        What people should hear of.
+    """
+
+    estimate: PoseEstimate
+    camera: DivisionCamera | None = None
+    remark: Rejected | None = None
+
+
+Known = DivisionCamera | CameraInfoModel
+
+
+class Intrinsics:
+    """
+    The four modes, and what they remember; another mode may be chosen for every view.
+
+    Parameters
+    ----------
+    self_calibrating
+        The camera that is being found.
+    latest_model
+        Gives the latest CameraInfo's model, or why there is none.
+
+    """
+
+    def __init__(
+        self,
+        self_calibrating: SelfCalibrating,
+        latest_model: Callable[[], CameraInfoModel | Rejected],
+    ) -> None:
+        self._self_calibrating = self_calibrating
+        self._latest_model = latest_model
+        self._told: DivisionCamera | None = None
+        self._answers = {
+            SELF_CALIBRATE: self._self_calibrated,
+            PER_FRAME: self._per_frame,
+            FIXED: self._fixed,
+            CAMERA_INFO: self._by_camera_info,
+        }
+
+    def answer(self, view: View, options: PoseNodeOptions) -> Answer | Rejected:
+        """Answer a view by the mode that the options name."""
+        if options.intrinsics.mode != FIXED:
+            self._told = None
+        return self._answers[options.intrinsics.mode](view, options)
+
+    def fixed_camera(
+        self, options: PoseNodeOptions, image_size: tuple[int, int]
+    ) -> Known | Rejected:
+        """Return what the mode fixed looks through: given, loaded or found."""
+        given = options.intrinsics
+        if given.focal_px > 0.0:
+            center_px = options.image.center_px(image_size)
+            return DivisionCamera(given.focal_px, center_px, given.k, given.k2, given.k3)
+        return self._self_calibrating.known_camera(image_size)
+
+    def _self_calibrated(self, view: View, options: PoseNodeOptions) -> Answer:
+        found = self._self_calibrating
+        remark = found.make_ready(
+            view.image_size, _search(options.robust), _calibration(options.calibration)
+        )
+        estimate = found.update(view.image_points, view.board_points, view.stamp_ns)
+        return Answer(estimate, found.news(), remark or found.remark())
+
+    def _per_frame(self, view: View, options: PoseNodeOptions) -> Answer:
+        estimate = estimate_pose(
+            view.image_points,
+            view.board_points,
+            image_size=view.image_size,
+            center_px=options.image.center_px(view.image_size),
+            options=_search(options.robust),
+        )
+        seen = estimate.observable
+        told = estimate.model is not None and seen.focal and seen.distortion
+        return Answer(estimate, estimate.model.camera if estimate.model and told else None)
+
+    def _fixed(self, view: View, options: PoseNodeOptions) -> Answer | Rejected:
+        camera = self.fixed_camera(options, view.image_size)
+        if isinstance(camera, Rejected):
+            return camera
+        estimate = _pose_by(camera, view, _search(options.robust))
+        if isinstance(camera, CameraInfoModel) or camera == self._told:
+            return Answer(estimate)
+        self._told = camera
+        return Answer(estimate, camera)
+
+    def _by_camera_info(self, view: View, options: PoseNodeOptions) -> Answer | Rejected:
+        model = self._latest_model()
+        if isinstance(model, Rejected):
+            return model
+        return Answer(_pose_by(model, view, _search(options.robust)))
+
+
+# Both stay the same from view to view, mostly.
+@functools.lru_cache(maxsize=4)
+def _search(options: RobustOptions) -> RansacOptions:
+    return options.ransac()
+
+
+@functools.lru_cache(maxsize=4)
+def _calibration(options: SelfCalibrationOptions) -> CalibrationOptions:
+    return options.core()
+
+
+def _pose_by(camera: Known, view: View, options: RansacOptions) -> PoseEstimate:
+    if isinstance(camera, CameraInfoModel):
+        return estimate_pose_by_model(view.image_points, view.board_points, camera, options)
+    return estimate_pose(view.image_points, view.board_points, camera=camera, options=options)

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What pose_node publishes of its answers: poses for each board, and the camera."""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import PoseArray, PoseStamped, PoseWithCovarianceStamped
+from p4pfr_ros import DivisionCamera, PoseEstimate
+from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from sensor_msgs.msg import CameraInfo
+from std_msgs.msg import Header
+
+from .conversions import (
+    camera_info_division_msg,
+    camera_info_from_model_msg,
+    ImageFrame,
+    pose_array_msg,
+    pose_msg,
+    pose_with_covariance_msg,
+)
+from .endpoints import Endpoints, is_heard
+
+
+class PoseOutputs:
+    """
+    The topics of one board.
+
+    Parameters
+    ----------
+    endpoints
+        Makes and takes down.
+    prefix
+        What the topics' names begin with: ``~``, or ``~/NAME``.
+
+    """
+
+    def __init__(self, endpoints: Endpoints, prefix: str) -> None:
+        self._pose = endpoints.advertise(PoseStamped, f'{prefix}/pose')
+        self._with_covariance = endpoints.advertise(
+            PoseWithCovarianceStamped, f'{prefix}/pose_with_covariance'
+        )
+        self._alternatives = endpoints.advertise(PoseArray, f'{prefix}/alternatives')
+
+    def is_heard(self) -> bool:
+        """Return whether anybody listens."""
+        return is_heard(self._pose, self._with_covariance, self._alternatives)
+
+    def publish(self, header: Header, estimate: PoseEstimate) -> None:
+        """Publish an estimate; one without a model leaves nothing to say."""
+        if estimate.model is None:
+            return
+        pose, seen = estimate.model.camera_from_board, estimate.observable
+        # The covariance can say that a number means nothing; the other messages cannot.
+        self._with_covariance.publish(
+            pose_with_covariance_msg(header, pose, estimate.covariance[:6, :6])
+        )
+        if seen.direction and seen.distance:
+            self._pose.publish(pose_msg(header, pose))
+        if is_heard(self._alternatives):
+            others = [other.camera_from_board for other in estimate.alternatives]
+            self._alternatives.publish(pose_array_msg(header, others))
+
+
+class CameraOutputs:
+    """
+    The camera's topics: latched, so whoever comes late gets the latest camera.
+
+    Parameters
+    ----------
+    endpoints
+        Makes and takes down.
+
+    """
+
+    def __init__(self, endpoints: Endpoints) -> None:
+        self._camera_info = endpoints.advertise(CameraInfo, '~/camera_info', latched=True)
+        self._division = endpoints.advertise(CameraInfo, '~/camera_info_division', latched=True)
+
+    def is_heard(self) -> bool:
+        """Return whether anybody listens."""
+        return is_heard(self._camera_info, self._division)
+
+    def publish(
+        self, header: Header, frame: ImageFrame, camera: DivisionCamera, *, latch: bool
+    ) -> CameraInfoModel | None:
+        """
+        Publish the camera: native, and in a model that image_proc knows, which is returned.
+
+        Without ``latch`` the latter is left out where nobody listens now.
+        """
+        self._division.publish(camera_info_division_msg(header, frame, camera))
+        if not (latch or is_heard(self._camera_info)):
+            return None
+        model = camera.to_camera_info_model(frame.size)
+        self._camera_info.publish(camera_info_from_model_msg(header, frame, model))
+        return model
+        return model

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where pose_node's answers go: poses, camera, markers and /tf."""
+
+from __future__ import annotations
+
+from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from rclpy.node import Node
+
+from .endpoints import Endpoints
+from .intrinsics import Answer
+from .intrinsics_options import PER_FRAME
+from .outputs import CameraOutputs, PoseOutputs
+from .pose_options import PoseNodeOptions
+from .scene import Scene
+from .seen_board import SeenBoard
+from .targets import Target, Targets
+
+
+class Publishing:
+    """
+    All topics of answers.
+
+    Parameters
+    ----------
+    node
+        Whose topics they are.
+    endpoints
+        Makes and takes down.
+    targets
+        Whose poses are published.
+
+    """
+
+    def __init__(self, node: Node, endpoints: Endpoints, targets: Targets) -> None:
+        self._poses = {p: PoseOutputs(endpoints, p) for p in sorted(targets.prefixes)}
+        self._cameras = CameraOutputs(endpoints)
+        self._scene = Scene(node, endpoints)
+
+    def is_heard(self, target: Target, options: PoseNodeOptions) -> bool:
+        """Return whether anybody would hear an answer about a board."""
+        return (
+            self._poses[target.prefix].is_heard()
+            or self._cameras.is_heard()
+            or self._scene.is_heard(options)
+        )
+
+    def publish(
+        self, board: SeenBoard, answer: Answer, options: PoseNodeOptions
+    ) -> CameraInfoModel | None:
+        """Publish an answer; return the camera's model if that was published too."""
+        header, target = board.header, board.target
+        # The poses first: somebody may be steering by them.
+        self._poses[target.prefix].publish(header, answer.estimate)
+        self._scene.show(board, answer.estimate, options)
+        if answer.camera is None:
+            return None
+        # A camera of one frame is worth the fit of a model only if somebody waits for it.
+        lasts = options.intrinsics.mode != PER_FRAME
+        return self._cameras.publish(header, board.frame, answer.camera, latch=lasts)

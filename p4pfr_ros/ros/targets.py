@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The boards that pose_node looks for, and what they are called on topics and in /tf."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+import re
+
+from p4pfr_ros.boards import Board
+from p4pfr_ros.files import ConfigError, load_boards
+
+from .rejections import Rejected
+
+_ALONE = '~'
+_NAMELESS = 'board'
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """
+    A board as others know it.
+
+    prefix
+        What its topics' names begin with: ``~`` where it is the only one, or ``~/NAME``.
+    board
+        Its geometry, where a file tells it.
+    """
+
+    prefix: str = _ALONE
+    board: Board | None = None
+
+    def frame(self, board_frame: str) -> str:
+        """Return the name of its frame, given the parameter of that name."""
+        name = _NAMELESS if self.board is None else self.board.name
+        if self.prefix == _ALONE:
+            return board_frame or name
+        return f'{board_frame}/{name}' if board_frame else name
+
+
+# The marker whose corners come on the topic ``corners``: no file knows of it.
+MARKER = Target()
+
+
+class Targets:
+    """
+    The boards of a file in its order, or one without a name where there is no file.
+
+    Raises
+    ------
+    ConfigError
+        The file is wrong, or one of several boards has a name that no topic can have.
+
+    """
+
+    def __init__(self, board_file: str) -> None:
+        self.boards: Mapping[str, Board] = load_boards(board_file) if board_file else {}
+        if len(self.boards) > 1:
+            self._in_order = [
+                Target(f'{_ALONE}/{_topic(board_file, name)}', board)
+                for name, board in self.boards.items()
+            ]
+        else:
+            self._in_order = [Target(_ALONE, board) for board in self.boards.values()] or [MARKER]
+
+    @property
+    def prefixes(self) -> set[str]:
+        """Of the topics of all targets, MARKER included."""
+        return {MARKER.prefix, *(target.prefix for target in self._in_order)}
+
+    def at(self, index: int) -> Target | Rejected:
+        """Return the board with a number: its place in the file."""
+        if 0 <= index < len(self._in_order):
+            return self._in_order[index]
+        return Rejected(
+            'unknown_board',
+            f'a board with number {index}: expected 0 to {len(self._in_order) - 1}, the places of '
+            'the boards in board_file, which has to be the one that the detector has',
+        )
+
+
+def _topic(board_file: str, name: str) -> str:
+    if re.fullmatch(r'[A-Za-z]\w*', name, re.ASCII) is None:
+        raise ConfigError(
+            f'{board_file}: boards.{name}: expected a name of letters, digits and _ for one of '
+            'several boards: it is part of the names of topics'
+        )
+    return name

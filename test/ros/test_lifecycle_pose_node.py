@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""lifecycle_pose_node over DDS: what it does in which state."""
+
+from geometry_msgs.msg import PoseStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from p4pfr_ros.ros.conversions import pose_from_msg
+import pytest
+import scenes
+from sensor_msgs.msg import PointCloud2
+from talk import assert_close, set_parameters
+
+pytestmark = pytest.mark.dds
+
+NAME = 'lifecycle_pose_node'
+BOARD = 'boards: {gate: {type: chessboard, columns: 9, rows: 6, square_m: 0.025}}\n'
+
+
+class Manager:
+    """Who manages the node."""
+
+    def __init__(self, peer, **parameters):
+        self.peer = peer
+        self.poses = peer.listen(PoseStamped, f'{NAME}/pose')
+        self.cloud = peer.publisher(PointCloud2, 'correspondences')
+        self.node = peer.start(NAME, parameters=parameters)
+
+    def change(self, transition):
+        """Ask for a transition; return whether it was made."""
+        request = {'transition': Transition(id=transition)}
+        return self.peer.call(ChangeState, f'{NAME}/change_state', **request).success
+
+    def state(self):
+        """Return the label of the node's state."""
+        return self.peer.call(GetState, f'{NAME}/get_state').current_state.label
+
+    def is_listened_to(self):
+        """Return whether the node hears us."""
+        return self.cloud.get_subscription_count() > 0
+
+    def pose(self):
+        """Return the pose of a board that is shown until it is answered."""
+        self.poses.clear()
+        say = scenes.board_cloud(1)
+        self.peer.until(lambda: self.poses, meanwhile=lambda: self.cloud.publish(say))
+        return pose_from_msg(self.poses[-1])
+
+
+def test_it_listens_while_it_is_active(peer):
+    """Through all states and back; what is passed over is not answered later."""
+    manager = Manager(peer, **{'image.width_px': 640, 'image.height_px': 480})
+    assert manager.state() == 'unconfigured'
+    assert manager.change(Transition.TRANSITION_CONFIGURE)
+    assert manager.state() == 'inactive'
+    assert not manager.is_listened_to()
+    for _ in range(2):
+        assert manager.change(Transition.TRANSITION_ACTIVATE)
+        assert_close(manager.pose(), scenes.CAMERA_FROM_BOARD)
+        assert manager.change(Transition.TRANSITION_DEACTIVATE)
+        peer.until(lambda: not manager.is_listened_to())
+    assert manager.change(Transition.TRANSITION_CLEANUP)
+    peer.until(lambda: peer.node.count_publishers(f'{peer.namespace}/{NAME}/pose') == 0)
+    assert manager.change(Transition.TRANSITION_CONFIGURE)
+    assert manager.change(Transition.TRANSITION_ACTIVATE)
+    assert_close(manager.pose(), scenes.CAMERA_FROM_BOARD)
+    assert manager.change(Transition.TRANSITION_ACTIVE_SHUTDOWN)
+    assert manager.state() == 'finalized'
+    assert manager.node.stop() == 0
+    assert 'Traceback' not in manager.node.output
+
+
+def test_a_wrong_file_keeps_it_unconfigured(peer, tmp_path):
+    """It says why, lives on, and is configured once the file is right."""
+    path = tmp_path / 'board.yaml'
+    path.write_text(BOARD.replace('columns', 'colums'))
+    manager = Manager(peer, board_file=path)
+    assert not manager.change(Transition.TRANSITION_CONFIGURE)
+    assert manager.state() == 'unconfigured'
+    assert f'not configured: {path}: boards.gate.colums: ' in manager.node.output
+    set_parameters(peer, {'enabled': False}, node=NAME)
+    path.write_text(BOARD)
+    assert manager.change(Transition.TRANSITION_CONFIGURE)
+    assert manager.state() == 'inactive'

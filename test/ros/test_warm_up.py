@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nobody's message waits for the compiler."""
+
+from pathlib import Path
+import subprocess
+import sys
+
+SCRIPT = """
+import sys
+import moving
+from p4pfr_ros import estimate_pose
+from p4pfr_ros.core import jit
+from p4pfr_ros.ros.warm_up import warm_up
+from test_intrinsics import FREEZE, Modes, options
+
+
+def compiled():
+    kernels = {
+        f'{name}.{kernel.__name__}': kernel
+        for name, module in sys.modules.items() if name.startswith('p4pfr_ros.core.')
+        for kernel in vars(module).values() if hasattr(kernel, 'signatures')
+    }
+    return {(name, str(s)) for name, kernel in kernels.items() for s in kernel.signatures}
+
+
+warm_up()
+before = compiled()
+modes = Modes()
+modes.learn(moving.moments(0, 60))
+modes.learn(moving.moments(60, 120, moving.ZOOMED))
+modes.learn(moving.moments(0, 120), options('per_frame'))
+modes.learn(moving.moments(0, 20), FREEZE)
+corners = [0, 8, 53, 45]
+for moment in moving.moments(0, 60):
+    points = moving.BOARD.points[corners]
+    estimate_pose(moment.image_points[corners], points, image_size=moving.SIZE)
+print(len(before), sorted(compiled() - before))
+"""
+
+
+def test_what_is_not_compiled_at_the_start_is_not_needed():
+    """Boards and markers, all modes, a zoom: no kernel is met for the first time."""
+    done = subprocess.run(
+        [sys.executable, '-c', SCRIPT],
+        cwd=Path(__file__).parent,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    count, new = done.stdout.strip().split(' ', 1)
+    assert int(count) > 20
+    assert new == '[]'
