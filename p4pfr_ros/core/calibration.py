@@ -230,9 +230,9 @@ class SelfCalibration:
         self.state = state_of(fit.lens, covariance, corner_px, views, self.options)
         if self.state is CalibrationState.UNCALIBRATED:
             self.fused = None
-        elif fit.views:
+        elif math.isfinite(fit.rms_px):
             self.fused = CameraEstimate(self._camera, covariance, fit.rms_px, views)
-        else:
+        else:  # no view yet
             self.fused = self._adopted
 
     def _answer(self, sighting: Sighting) -> PoseEstimate:

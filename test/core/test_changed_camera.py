@@ -123,3 +123,21 @@ def test_what_is_not_kept_is_remembered():
     assert few.fused.focal_sigma_px < 0.6 * early_px
     off = error(few.fused.camera, camera)[:4]
     assert off @ np.linalg.solve(few.fused.covariance[:4, :4], off) < 20.0
+
+
+def test_nonsense_between_the_views_changes_little_and_breaks_nothing():
+    camera, calibration = drawn(14), SelfCalibration(IMAGE_SIZE)
+    rng = np.random.default_rng(0)
+    nonsense = [
+        lambda image: rng.uniform((0, 0), IMAGE_SIZE, image.shape),  # anywhere
+        lambda image: np.tile(image[:1], (len(image), 1)),  # all in one place
+        lambda image: np.where(np.arange(len(image))[:, None] < 12, image[0], image),
+        lambda image: 1e5 * image,
+        lambda image: image[:, [0, 0]],  # on a line
+        lambda image: image[::-1],  # in the wrong order
+    ]
+    for i, view in enumerate(views_of(camera, 48, 14)):
+        calibration.update(view.image_points, view.board_points)
+        calibration.update(nonsense[i % 6](view.image_points), view.board_points)
+    off = error(calibration.fused.camera, camera)
+    assert abs(off[0]) < 0.01 * camera.focal_px
