@@ -3,33 +3,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import math
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from .answer import no_estimate
 from .calibration_terms import CalibrationOptions, CalibrationState, KeptView, Verdict
-from .calibration_view import CalibrationView, camera_of
+from .calibration_view import calibration_view, camera_of
 from .camera_estimate import CameraEstimate
 from .camera_knowledge import common_camera, order_of, saved_camera
 from .changes import Changes
 from .estimate import PoseEstimate, RansacOptions, Stop
 from .fit_views import fit_views
 from .fused_answer import fused_answer, seen_by_fit
-from .geometry import Pose
+from .geometry import Array
 from .information import Knowledge
 from .joining import explained_anew, settled, with_view
 from .joint_fit import JointFit, unfitted
 from .kept_views import kept_views
 from .lone_answer import lone_answer
-from .prepare import prepare
 from .progress import state_of
 from .sighting import Sighting
 from .uncertainty import DEFAULT_SIGMA_PX
-from .view_choice import distance_to_views_px, is_worth_a_fit, tells_focal
+from .view_choice import distance_to_views_px, is_worth_a_fit, rows_of, tells_focal
 
 # A changed camera's lens is as sharp as before: its noise is no more than so many variances.
 _AS_SHARP = 4.0
@@ -88,7 +85,7 @@ class SelfCalibration:
         self._middle_px = (0.5 * (width - 1.0), 0.5 * (height - 1.0))
         self._common = common_camera(self.image_size, self.options.center_spread, self.robust)
         self._changes = Changes(self.options.outliers_to_restart)
-        self._last_poses: tuple[Pose, ...] = ()
+        self._last_poses = rows_of(())
         self._knowledge = self._fitted = self._common
         self._fit: JointFit
         self._start(self._common, None)
@@ -132,12 +129,7 @@ class SelfCalibration:
             A wrong shape, or a number that is not finite.
 
         """
-        view = CalibrationView(
-            np.array(image_points, dtype=np.float64),
-            np.array(board_points, dtype=np.float64),
-            prepare(image_points, board_points, self.image_size, self._middle_px, None),
-            stamp,
-        )
+        view = calibration_view(image_points, board_points, self.image_size, stamp)
         self.verdict = Verdict.UNUSED
         if view.scaled.collinear:
             return no_estimate(Stop.COLLINEAR, len(view), 0)
@@ -147,7 +139,9 @@ class SelfCalibration:
 
     def _judge(self, sighting: Sighting) -> None:
         """Find what becomes of a view."""
-        if sighting.agrees and not self._is_new(sighting, self._poses):
+        if sighting.agrees and not self._is_new(sighting, self._last_poses):
+            self._seen_again(sighting)
+        elif sighting.agrees and not self._is_new(sighting, self._poses):
             self._agreed(sighting, Verdict.KNOWN)
         elif sighting.explained:
             joined = with_view(sighting, self._knowledge, self.options.max_views)
@@ -159,10 +153,17 @@ class SelfCalibration:
             else:
                 self._disagreed(sighting)
 
+    def _seen_again(self, sighting: Sighting) -> None:
+        """Take note of a board that has not moved: one look, for hours, is no more than one."""
+        self.verdict, seen = Verdict.KNOWN, sighting.by_fit
+        # But it speaks against outliers that come between, one by one.
+        if self._changes.any_disagreed and seen and tells_focal(seen, self._common):
+            self._changes.forget_an_outlier()
+
     def _remembered(self, sighting: Sighting) -> Verdict:
         """Remember what a view tells that is not worth one of the kept ones' places."""
         seen, fit = sighting.by_fit, self._fit
-        if seen is None or not self._is_new(sighting, self._last_poses):
+        if seen is None:
             return Verdict.KNOWN
         known = self._knowledge.remembering(seen.told, seen.pull, fit.lens, fit.variance)
         self._knowledge = known
@@ -173,10 +174,10 @@ class SelfCalibration:
         self._take(settled(again, known, self.robust.sigma_px), known)
         return Verdict.KEPT
 
-    def _is_new(self, sighting: Sighting, poses: Sequence[Pose]) -> bool:
-        """Say whether a view has the board where none of these poses has it."""
+    def _is_new(self, sighting: Sighting, poses: Array) -> bool:
+        """Say whether a view has the board where none of these poses (V, 12) has it."""
         model = sighting.known.model
-        if model is None or not poses:
+        if model is None or not len(poses):
             return True
         away_px = distance_to_views_px(
             sighting.view.board_points, model.camera_from_board, poses, self._camera
@@ -184,12 +185,10 @@ class SelfCalibration:
         return away_px > self.options.new_view * math.hypot(*self.image_size)
 
     def _agreed(self, sighting: Sighting, verdict: Verdict) -> None:
-        self.verdict = verdict
-        # One look, though it may last for hours, is no more than one.
-        seen = sighting.by_fit
-        if seen is None or not self._is_new(sighting, self._last_poses):
+        self.verdict, seen = verdict, sighting.by_fit
+        if seen is None:
             return
-        self._last_poses = (sighting.view.pose_from_row(seen.row),)
+        self._last_poses = rows_of([sighting.view.pose_from_row(seen.row)])
         # A view from straight ahead agrees with any focal length.
         if tells_focal(seen, self._common):
             self._changes.note(sighting, agrees=True)
@@ -216,7 +215,7 @@ class SelfCalibration:
         self.verdict = Verdict.UNUSED
         self._adopted = adopted
         self._changes.clear()
-        self._last_poses = ()
+        self._last_poses = rows_of(())
         order = order_of(adopted.camera) if adopted else 1
         self._take(unfitted(knowledge, order), knowledge)
 
@@ -224,7 +223,8 @@ class SelfCalibration:
         """Make a fit the one that holds, and what is known besides what it was made with."""
         self._knowledge = self._fitted = knowledge
         self._fit, self._camera = fit, camera_of(fit.lens, self._middle_px)
-        self._poses = tuple(v.pose_from_row(p) for v, p in zip(fit.views, fit.poses, strict=True))
+        pairs = zip(fit.views, fit.poses, strict=True)
+        self._poses = rows_of([view.pose_from_row(row) for view, row in pairs])
         covariance, views = fit.covariance, len(fit.views) + knowledge.views
         corner_px = 0.5 * math.hypot(*self.image_size)
         self.state = state_of(fit.lens, covariance, corner_px, views, self.options)

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .adjust import POSE_SIZE
 from .bundle import Bundle
 from .camera import DivisionCamera
 from .geometry import Array, Pose
 from .lens import CX, CY, FOCAL, K, K2, K3, LENS_SIZE
-from .prepare import PreparedView
+from .prepare import prepare, PreparedView
 from .solution import TRANSLATION
 
 
@@ -47,8 +48,28 @@ class CalibrationView:
         return Pose.unchecked(rotation, moved - rotation[:, :2] @ self.scaled.board_mean)
 
 
+def calibration_view(
+    image_points: ArrayLike, board_points: ArrayLike, image_size: tuple[int, int], stamp: Any
+) -> CalibrationView:
+    """
+    Check, copy and scale a view: image points (N, 2) raw px, board points (N, 2).
+
+    Raises
+    ------
+    ValueError
+        A wrong shape, or a number that is not finite.
+
+    """
+    scaled = prepare(image_points, board_points, image_size, None, None)
+    image, board = np.array(image_points, np.float64), np.array(board_points, np.float64)
+    return CalibrationView(image, board, scaled, stamp)
+
+
 def bundle_of(views: Sequence[CalibrationView]) -> Bundle:
     """Put the views' points one after the other."""
+    if len(views) == 1:
+        [view] = views
+        return Bundle(view.scaled.image, view.scaled.board, np.array([0, len(view)]))
     starts = np.zeros(len(views) + 1, dtype=np.int64)
     np.cumsum([len(view) for view in views], out=starts[1:])
     return Bundle(

@@ -41,6 +41,17 @@ class Changes:
         self._latest.append((sighting, agrees))
 
     @property
+    def any_disagreed(self) -> bool:
+        """Whether any of the latest views disagreed."""
+        return any(not agrees for _, agrees in self._latest)
+
+    def forget_an_outlier(self) -> None:
+        """Take the oldest view that disagreed for no more than that."""
+        outliers = [i for i, (_, agrees) in enumerate(self._latest) if not agrees]
+        if outliers:
+            del self._latest[outliers[0]]
+
+    @property
     def unanimous(self) -> bool:
         """Whether all of the latest views disagreed."""
         return len(self._latest) == _MEMORY and not any(agrees for _, agrees in self._latest)

@@ -49,23 +49,22 @@ class SeenByFit:
     @cached_property
     def told(self) -> Array:
         """What the view tells of the lens, (6, 6), px², its pose not known."""
-        by_pose, across, by_lens = self._parts()
-        information: Array = by_lens - across.T @ inverse_of(by_pose) @ across
-        return information
+        across, by_lens = self._parts()
+        information: Array = by_lens - across.T @ self._inverse @ across
+        return 0.5 * (information + information.T)
 
     @cached_property
     def pull(self) -> Array:
         """Where the view would have the lens go, its pose following: (6,), px²."""
-        by_pose, across, _ = self._parts()
+        across, _ = self._parts()
         by_residual = self.block[:RESIDUAL, RESIDUAL]
-        at_pose = inverse_of(by_pose) @ by_residual[:POSE_COLUMNS]
+        at_pose = self._inverse @ by_residual[:POSE_COLUMNS]
         gradient: Array = by_residual[POSE_COLUMNS:] - across.T @ at_pose
         return -gradient
 
     def covariance(self) -> Array:
         """Return the covariance (8, 8) of pose, focal length and k, in the caller's units."""
-        by_pose, across, _ = self._parts()
-        inverse = inverse_of(by_pose)
+        across, inverse = self._parts()[0], self._inverse
         of_lens = self.fit.covariance
         # The pose follows the lens:  δ = -C⁻¹ B dθ,  and has its own noise beside that.
         follows = -inverse @ across
@@ -80,10 +79,15 @@ class SeenByFit:
         covariance: Array = public @ joint @ public.T
         return covariance
 
-    def _parts(self) -> tuple[Array, Array, Array]:
-        """Return C, B and A of the block."""
+    @cached_property
+    def _inverse(self) -> Array:
+        """C⁻¹, of the pose's part of the block."""
+        return inverse_of(self.block[:POSE_COLUMNS, :POSE_COLUMNS])
+
+    def _parts(self) -> tuple[Array, Array]:
+        """Return B and A of the block."""
         pose, lens = slice(0, POSE_COLUMNS), slice(POSE_COLUMNS, RESIDUAL)
-        return self.block[pose, pose], self.block[pose, lens], self.block[lens, lens]
+        return self.block[pose, lens], self.block[lens, lens]
 
     def _noise(self) -> float:
         """Return the variance of a coordinate, px²."""

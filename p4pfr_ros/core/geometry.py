@@ -101,23 +101,19 @@ class Pose:
 
     def quaternion_xyzw(self) -> Array:
         """Return the (4,) unit quaternion in ROS order, w ≥ 0."""
-        r = self.rotation
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self.rotation.tolist()
         # 4 q qᵀ, written by R's entries. Its columns are all ∝ q; the one with the largest
         # diagonal entry (at least 1, as the trace is 4) loses no digits.
-        outer = np.array(
-            [
-                [1.0 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], 0.0],
-                [0.0, 1.0 - r[0, 0] + r[1, 1] - r[2, 2], r[1, 2] + r[2, 1], 0.0],
-                [0.0, 0.0, 1.0 - r[0, 0] - r[1, 1] + r[2, 2], 0.0],
-                [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], 1.0 + np.trace(r)],
-            ]
+        columns = (
+            (1.0 + xx - yy - zz, xy + yx, xz + zx, zy - yz),
+            (xy + yx, 1.0 - xx + yy - zz, yz + zy, xz - zx),
+            (xz + zx, yz + zy, 1.0 - xx - yy + zz, yx - xy),
+            (zy - yz, xz - zx, yx - xy, 1.0 + xx + yy + zz),
         )
-        outer[1, 0], outer[2, 0], outer[2, 1] = outer[0, 1], outer[0, 2], outer[1, 2]
-        outer[:3, 3] = outer[3, :3]
-        q = outer[int(np.argmax(np.diag(outer)))]
-        q = q / np.linalg.norm(q)
-        unit: Array = -q if q[3] < 0.0 else q
-        return unit
+        largest = max(range(4), key=lambda i: columns[i][i])
+        q = columns[largest]
+        norm = -math.hypot(*q) if q[3] < 0.0 else math.hypot(*q)
+        return np.array(q) / norm
 
 
 def rotation_from_vector(rotation_rad: ArrayLike) -> Array:

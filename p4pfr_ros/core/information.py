@@ -10,22 +10,22 @@ import numpy as np
 from .adjust import LensPrior
 from .geometry import Array
 from .lens import LENS_SIZE
+from .linear import invert_information
 
 # Views that are no longer fitted count for so many at most, and fade as new ones come: a lens
 # that is warmed up by the sun may change.
 _MOST_REMEMBERED = 2000.0
 
-# On the diagonal of a scaled matrix, so that it can always be inverted.
-_NO_INFORMATION = 1e-13
+
+# Of a scaled matrix's smallest eigenvalue, beside the one on its diagonal.
+_CLEARLY = 1e-9
 
 
 def inverse_of(information: Array) -> Array:
     """Invert a symmetric matrix of mixed units; what it does not hold gets a huge variance."""
-    size = np.sqrt(np.maximum(np.diag(information), 0.0))  # rounding may take it below
-    size = np.where(size > 0.0, size, 1.0)
-    scale = np.outer(size, size)
-    held = information / scale + _NO_INFORMATION * np.eye(len(size))
-    inverse: Array = np.linalg.inv(held) / scale
+    n = len(information)
+    inverse = np.empty((n, n))
+    invert_information(np.ascontiguousarray(information), np.empty((n, n + 1)), inverse)
     return inverse
 
 
@@ -62,6 +62,8 @@ class Knowledge:
         # quadratic functions of the lens make one, whose minimum is where their pulls cancel.
         faded = self.remembered / _MOST_REMEMBERED
         information = self.information - faded + told / variance
+        if not _is_positive(information):  # a view of next to nothing, and rounding
+            return self
         pulls = (told @ (lens - self.mean) + pull) / variance
         return replace(
             self,
@@ -70,3 +72,11 @@ class Knowledge:
             remembered=self.remembered - faded + told / variance,
             views=self.views + 1,
         )
+
+
+def _is_positive(information: Array) -> bool:
+    """Say whether a matrix of mixed units is positive definite, clearly so."""
+    size = np.sqrt(np.maximum(np.diag(information), 0.0))
+    if not (size > 0.0).all():
+        return False
+    return bool(np.linalg.eigvalsh(information / np.outer(size, size))[0] > _CLEARLY)

@@ -101,7 +101,7 @@ class JointFit:
         pulls = self.posterior_variance * (self.equations[free, free] - prior)
         covariance = np.zeros((LENS_SIZE, LENS_SIZE))
         covariance[free, free] = inverse @ (pulls + self.variance * prior) @ inverse
-        return covariance
+        return 0.5 * (covariance + covariance.T)
 
     @cached_property
     def posterior_variance(self) -> float:

@@ -96,7 +96,7 @@ def _scale(x: float, y: float, z: float, lens: Array, u: float, v: float) -> flo
     """Return s of a point that was seen about (u, v); NaN where no pixel near there sees it."""
     rho2 = x * x + y * y
     if lens[K2] == 0.0 and lens[K3] == 0.0:
-        return _closed_form(z, lens[K], rho2)
+        return closed_form(z, lens[K], rho2)
     dx, dy = (u - lens[CX]) / lens[FOCAL], (v - lens[CY]) / lens[FOCAL]
     near_axis = z > 0.0 and rho2 < _NEAR_AXIS * z * z
     s = 1.0 / z if near_axis else math.sqrt((dx * dx + dy * dy) / rho2)
@@ -112,7 +112,7 @@ def _scale(x: float, y: float, z: float, lens: Array, u: float, v: float) -> flo
 
 
 @kernel
-def _closed_form(z: float, k: float, rho2: float) -> float:
+def closed_form(z: float, k: float, rho2: float) -> float:
     """Return s of one parameter:  k ρ² s² - Z s + 1 = 0,  the root that is 1 / Z at k = 0."""
     square = z * z - 4.0 * k * rho2
     if not square >= 0.0:

@@ -3,8 +3,13 @@
 
 from __future__ import annotations
 
+import math
+
 from .geometry import Array
-from .jit import kernel
+from .jit import jit, kernel
+
+# On the diagonal of a scaled matrix, so that it can always be inverted.
+_NO_INFORMATION = 1e-11
 
 
 @kernel
@@ -37,6 +42,31 @@ def solve_in_place(system: Array, n: int) -> bool:
             total -= system[j, column] * system[column, n]
         system[j, n] = total / system[j, j]
     return True
+
+
+@jit
+def invert_information(information: Array, system: Array, inverse: Array) -> None:
+    """
+    Invert a symmetric matrix (n, n) of mixed units; what it does not hold gets a huge variance.
+
+    system (≥ n, ≥ n + 1) is room to work in.
+    """
+    n = len(inverse)
+    for j in range(n):
+        for a in range(n):
+            for b in range(n):
+                system[a, b] = information[a, b] / (_size(information, a) * _size(information, b))
+            system[a, a] += _NO_INFORMATION
+            system[a, n] = 1.0 if a == j else 0.0
+        solve_in_place(system, n)
+        for a in range(n):
+            inverse[a, j] = system[a, n] / (_size(information, a) * _size(information, j))
+
+
+@kernel
+def _size(information: Array, a: int) -> float:
+    """Return the root of an entry of the diagonal; 1 where it is 0, or rounding below it."""
+    return math.sqrt(information[a, a]) if information[a, a] > 0.0 else 1.0
 
 
 @kernel

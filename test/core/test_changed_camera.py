@@ -141,3 +141,18 @@ def test_nonsense_between_the_views_changes_little_and_breaks_nothing():
         calibration.update(nonsense[i % 6](view.image_points), view.board_points)
     off = error(calibration.fused.camera, camera)
     assert abs(off[0]) < 0.01 * camera.focal_px
+
+
+def test_stray_views_between_those_of_a_board_that_stands_still_are_no_change():
+    camera, rng = drawn(15), np.random.default_rng(1)
+    calibration = calibrated(views_of(camera, 20, 15))
+    still = views_of(camera, 1, 16, tilt_deg=(30.0, 50.0))[0]
+    other = DivisionCamera(1.4 * camera.focal_px, camera.center_px, camera.k)
+    found = []
+    for wrong in views_of(other, 10, 17, tilt_deg=(30.0, 50.0)):
+        for _ in range(3):
+            again = still.image_points + rng.normal(0.0, 0.3, still.image_points.shape)
+            calibration.update(again, still.board_points)
+        calibration.update(wrong.image_points, wrong.board_points)
+        found.append(calibration.verdict)
+    assert set(found) == {Verdict.OUTLIER}
