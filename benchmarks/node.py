@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+pose_node under load, over DDS: how long a pose takes, how many a second, how much memory.
+
+    python -m benchmarks.node [--seconds S] [--messages N] [--markdown FILE]
+
+Real processes: the node, one that echoes for comparison, and this one, which sends and receives.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager, ExitStack
+import os
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import p4pfr_ros.ros  # noqa: F401  (names the ament index)
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rich.console import Console
+
+from .node_load import DEPTH, Load, Run
+from .node_process import MeasuredProcess
+from .node_report import LATENCY_HEADER, markdown, NOTE, RATE_HEADER, Row, table_of
+from .node_views import IMAGE_SIZE, MARKER_M, POINTS, Views, views_of
+
+RATES_HZ = (30, 200, 1000)
+LADDER_HZ = (500, 750, 1000, 1250, 1500, 2000, 2500, 3000, 4000)
+LADDER_POINTS = 24
+_ON_TIME = 0.97  # of the rate, or the sender is what is measured
+
+ECHO = 'bare transport'
+SELF_CALIBRATE, PER_FRAME = 'self_calibrate', 'per_frame'
+_WARM_UP, _WARM_UP_HZ = 2000, 250.0
+_FEWEST = 150
+
+_WIDTH = 170
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(prog='python -m benchmarks.node', description=__doc__)
+    parser.add_argument('--seconds', type=float, default=5.0, help='a cell; default: %(default)s')
+    parser.add_argument(
+        '--messages', type=int, default=100_000, help='for the memory; default: %(default)s'
+    )
+    parser.add_argument('--markdown', type=Path, metavar='FILE', help='write the tables there too')
+    options = parser.parse_args(arguments)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    console = Console()
+    console.width = max(console.width, _WIDTH)
+    rclpy.init()
+    try:
+        latencies: list[Row] = []
+        for points in POINTS:
+            with _loads(views_of(points)) as (views, loads):
+                latencies += _latencies(console, views, loads, options.seconds)
+                if points == LADDER_POINTS:
+                    rates = _highest_rates(console, views, loads, options.seconds)
+                    memory = _memory(views, loads[SELF_CALIBRATE], options.messages)
+    finally:
+        rclpy.try_shutdown()
+    tables = [
+        ('Latency', LATENCY_HEADER, latencies),
+        (f'Highest rate, {LADDER_POINTS} points', RATE_HEADER, rates),
+    ]
+    for title, header, rows in tables:
+        console.print(table_of(title, header, rows))
+    notes = [memory, NOTE]
+    console.print(*notes, sep='\n', soft_wrap=True)
+    if options.markdown:
+        options.markdown.write_text(markdown(tables, notes), encoding='utf-8')
+    return 0
+
+
+@contextmanager
+def _loads(views: Views) -> Iterator[tuple[Views, dict[str, Load]]]:
+    """Start the echo and a node of each mode, warm; the idle ones cost nothing."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory(prefix='p4pfr_bench_')))
+        peer = rclpy.create_node('bench')
+        stack.callback(peer.destroy_node)
+        executor = SingleThreadedExecutor()
+        executor.add_node(peer)
+        loads = {}
+        for name in (ECHO, SELF_CALIBRATE, PER_FRAME):
+            namespace = f'/bench_{os.getpid()}/{name.replace(" ", "_")}'
+            process = stack.enter_context(_start(name, namespace, folder / name))
+            loads[name] = Load(peer, executor, process, namespace, views)
+        for load in loads.values():
+            load.process.wait_until_ready()
+            load.wait_until_heard(views.moving[0])
+            load.at_rate(views.moving, _WARM_UP_HZ, _WARM_UP)
+        yield views, loads
+
+
+def _start(name: str, namespace: str, log: Path) -> MeasuredProcess:
+    parameters: dict[str, Any] = {
+        f'qos_overrides.{namespace}/{topic}.depth': DEPTH
+        for topic in (
+            'corners.subscription',
+            'correspondences.subscription',
+            'pose_node/pose_with_covariance.publisher',
+        )
+    }
+    for topic in ('corners', 'correspondences'):
+        parameters[f'qos_overrides.{namespace}/{topic}.subscription.reliability'] = 'reliable'
+    if name == ECHO:
+        return MeasuredProcess('benchmarks.node_echo', namespace, parameters, log)
+    parameters |= {
+        'intrinsics.mode': name,
+        'image.width_px': IMAGE_SIZE[0],
+        'image.height_px': IMAGE_SIZE[1],
+        'marker.size_m': MARKER_M,
+    }
+    return MeasuredProcess('p4pfr_ros.ros.pose_node', namespace, parameters, log)
+
+
+def _latencies(
+    console: Console, views: Views, loads: dict[str, Load], seconds: float
+) -> Iterator[Row]:
+    """Measure each mode at each rate, right after the bare transport at that rate."""
+    cases = [
+        (SELF_CALIBRATE, 'moving', views.moving),
+        (SELF_CALIBRATE, 'still', views.still),
+        (PER_FRAME, 'moving', views.moving),
+    ]
+    for rate_hz in RATES_HZ:
+        count = max(_FEWEST, round(rate_hz * seconds))
+        bare = loads[ECHO].at_rate(views.moving, rate_hz, count)
+        for mode, board, messages in cases:
+            run = loads[mode].at_rate(messages, rate_hz, count)
+            row = (str(views.points), str(rate_hz), mode, board, *_compared(run, bare))
+            console.print(*row)
+            yield row
+
+
+def _compared(run: Run, bare: Run) -> Row:
+    ours, theirs = ([r.quantile_ms(share) for share in (0.5, 0.99)] for r in (run, bare))
+    beyond = [a - b for a, b in zip(ours, theirs, strict=True)]
+    numbers = [f'{value:.2f}' for value in (*ours, *theirs, *beyond)]
+    return (*numbers, str(run.lost), f'{run.processor_ms:.2f}', f'{bare.processor_ms:.2f}')
+
+
+def _highest_rates(
+    console: Console, views: Views, loads: dict[str, Load], seconds: float
+) -> list[Row]:
+    rows = []
+    for name, load in loads.items():
+        best: Run | None = None
+        for rate_hz in LADDER_HZ:
+            run = load.at_rate(views.moving, rate_hz, round(rate_hz * seconds))
+            console.print(name, rate_hz, f'{run.rate_hz:.0f}', run.lost)
+            if run.lost or run.rate_hz < _ON_TIME * rate_hz:
+                break
+            best = run
+        rows.append((name, *_at_best(best)))
+    return rows
+
+
+def _at_best(run: Run | None) -> Row:
+    if run is None:
+        return (f'below {LADDER_HZ[0]}', '', '', '')
+    p50, p99 = (f'{run.quantile_ms(share):.2f}' for share in (0.5, 0.99))
+    return (f'{run.rate_hz:.0f}', p50, p99, f'{100.0 * run.processor_s / run.sending_s:.0f}')
+
+
+def _memory(views: Views, load: Load, count: int) -> str:
+    """Say how much memory the node holds before and after so many messages."""
+    before = load.process.memory_mib
+    run = load.one_after_the_other(views.moving, count)
+    after = load.process.memory_mib
+    return (
+        f'Memory of the node in the mode {SELF_CALIBRATE}, {views.points} points: {before:.1f} '
+        f'MiB when warm, {after:.1f} MiB after {count:,} messages more, sent as fast as they were '
+        f'answered: {run.rate_hz:.0f} a second, {run.lost} lost.'
+    )
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())
