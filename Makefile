@@ -43,11 +43,14 @@ $(MADE): setup.py
 demo: venv
 	$(BIN)/p4pfr demo
 
+# The kernels are compiled once, and not by each worker, while those tests run that do without.
 # What talks over DDS comes by itself: its processes want the cores that the others would take.
 # Two at a time, module by module, each in a DDS domain of its own: they mostly wait.
 test: venv
-	$(BIN)/python -m pytest -m 'not dds' -n auto
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n auto test/core
+	$(BIN)/python -c 'from p4pfr_ros.ros.warm_up import warm_up; warm_up()' & compiler=$$!; \
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 1 test/core; status=$$?; \
+	wait $$compiler && exit $$status
+	$(BIN)/python -m pytest -m 'not dds' -n auto --dist loadscope
 	$(BIN)/python -m pytest -m dds -n 2 --dist loadscope
 
 lint: venv

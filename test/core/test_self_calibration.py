@@ -80,7 +80,7 @@ def test_the_state_goes_up(thirty):
 @pytest.mark.parametrize('count', [1, 3, 10])
 def test_a_pose_knows_how_sure_its_camera_is(count):
     squares = []
-    for seed in range(100):
+    for seed in range(60):
         camera = drawn(seed)
         views = views_of(camera, count, seed, tilt_deg=(15.0, 60.0))
         calibration = calibrated(views[:-1])
@@ -88,7 +88,7 @@ def test_a_pose_knows_how_sure_its_camera_is(count):
         if calibration.fused is not None and not estimate.observable.undetermined:
             off = deviation(estimate.model, views[-1])
             squares.append(off @ np.linalg.solve(estimate.covariance, off))
-    assert len(squares) > 90
+    assert len(squares) > 54
     # The median of χ² with eight degrees of freedom is 7.34.
     assert 5.5 < np.median(squares) < 9.0
 
@@ -96,7 +96,7 @@ def test_a_pose_knows_how_sure_its_camera_is(count):
 @takes_long
 def test_markers_of_four_points_calibrate_too():
     shares = []
-    for seed in range(20):
+    for seed in range(10):
         camera = drawn(seed)
         views = views_of(camera, 40, seed, board=MARKER, noise_px=0.3)
         calibration = calibrated(views)
