@@ -92,8 +92,8 @@ def _loads(views: Views) -> Iterator[tuple[Views, dict[str, Load]]]:
             loads[name] = Load(peer, executor, process, namespace, views)
         for load in loads.values():
             load.process.wait_until_ready()
-            load.wait_until_heard(views.moving[0])
-            load.at_rate(views.moving, _WARM_UP_HZ, _WARM_UP)
+            load.wait_until_heard(views.everywhere[0])
+            load.at_rate(views.everywhere, _WARM_UP_HZ, _WARM_UP)
         yield views, loads
 
 
@@ -124,6 +124,7 @@ def _latencies(
 ) -> Iterator[Row]:
     """Measure each mode at each rate, right after the bare transport at that rate."""
     cases = [
+        (SELF_CALIBRATE, 'everywhere', views.everywhere),
         (SELF_CALIBRATE, 'moving', views.moving),
         (SELF_CALIBRATE, 'still', views.still),
         (PER_FRAME, 'moving', views.moving),
@@ -171,7 +172,7 @@ def _at_best(run: Run | None) -> Row:
 def _memory(views: Views, load: Load, count: int) -> str:
     """Say how much memory the node holds before and after so many messages."""
     before = load.process.memory_mib
-    run = load.one_after_the_other(views.moving, count)
+    run = load.one_after_the_other(views.everywhere, count)
     after = load.process.memory_mib
     return (
         f'Memory of the node in the mode {SELF_CALIBRATE}, {views.points} points: {before:.1f} '

@@ -33,7 +33,9 @@ NOTE = (
     'receiver. Bare transport: a node in Python that hears the same messages and answers at once; '
     'beyond: the difference of the two. Boards of 4 points are markers on the topic corners, the '
     f'others clouds on correspondences. Both sides reliable, depth {DEPTH}; lost: of all '
-    'that were sent. self_calibrate after it has converged. CPU ms: processor time of an answer, '
+    'that were sent. self_calibrate after it has converged. The '
+    'board is everywhere: each view from another place, as no board moves; moving: there and '
+    'back, in real time at 200 messages a second; or still. CPU ms: processor time of an answer, '
     "the bare transport's beside it."
 )
 

@@ -23,7 +23,9 @@ IMAGE_SIZE = (640, 480)
 _CAMERA = DivisionCamera(520.0, (328.0, 232.0), -0.25)
 _NOISE_PX = 0.2
 _VIEWS = 200
-_STEP_S = 0.4  # of the simulated path, from one view to the next
+# Of the simulated path, from one view to the next: far apart, and as at 200 messages a second.
+_FAR_S, _NEAR_S = 0.4, 0.005
+_THERE = 400  # views on the way there, and as many back
 
 _BOARDS: dict[int, Board] = {
     4: Marker(id=0, size_m=MARKER_M, dictionary='DICT_APRILTAG_36h11'),
@@ -38,10 +40,12 @@ class Views:
     """
     What a camera sees of a board of so many points, as messages that differ in their noise.
 
-    moving: from places all along its way; still: from one place.
+    everywhere: each from another place; moving: there and back, in real time at 200 a second;
+    still: from one place.
     """
 
     points: int
+    everywhere: Sequence[Any]
     moving: Sequence[Any]
     still: Sequence[Any]
 
@@ -60,9 +64,11 @@ def views_of(points: int) -> Views:
     """Make the views of the board with so many points, one of ``POINTS``."""
     board = _BOARDS[points]
     path, rng = SimulatedPath(board, IMAGE_SIZE, 0), np.random.default_rng(points)
-    moving = [_message(path, i * _STEP_S, board, rng) for i in range(_VIEWS)]
+    everywhere = [_message(path, i * _FAR_S, board, rng) for i in range(_VIEWS)]
+    way = [*range(_THERE), *reversed(range(_THERE))]
+    moving = [_message(path, i * _NEAR_S, board, rng) for i in way]
     still = [_message(path, 0.0, board, rng) for _ in range(_VIEWS)]
-    return Views(points, moving, still)
+    return Views(points, everywhere, moving, still)
 
 
 def _message(
