@@ -11,6 +11,7 @@ import numpy as np
 from .information import inverse_of, Knowledge
 from .joint_fit import JointFit
 from .lens import K
+from .scatter import scatter_of
 from .sighting import Sighting
 
 # The latest views that told something of the camera.
@@ -20,9 +21,6 @@ _MEMORY = 10
 # this χ² of the lens's four to six parameters it is no chance. Asked of so many views at least.
 _BEYOND_CHANCE = 40.0
 _ENOUGH_VIEWS = 3
-
-# Degrees of freedom that the expected scatter of the views counts for.
-_SCATTER_FREEDOM = 4.0
 
 
 class Changes:
@@ -82,12 +80,8 @@ def _lean(sightings: Sequence[Sighting], fit: JointFit, common: Knowledge) -> fl
     pulls = np.array([s.pull[free] for s in seen])
     total = told.sum(axis=0) + prior
     shift = np.linalg.solve(total, pulls.sum(axis=0))
-    # What is left when the shift is made is the scatter of the views, in variances of the noise.
+    # What is left when the shift is made is the scatter of the views.
     left = pulls - told @ shift
-    alone = np.linalg.inv(told + prior)
-    squares = np.einsum('va,vab,vb->', left, alone, left) / fit.variance
-    inverse = inverse_of(total)
-    freedom = np.einsum('vab,vba->', alone, told - told @ inverse @ told)
-    scatter = max(fit.scatter, (_SCATTER_FREEDOM + squares) / (_SCATTER_FREEDOM + freedom))
-    spread = scatter * fit.variance * inverse + fit.covariance[free, free]
+    scatter = max(fit.scatter, scatter_of(told, left, prior, total, fit.variance))
+    spread = scatter * fit.variance * inverse_of(total) + fit.covariance[free, free]
     return float(shift @ np.linalg.solve(spread, shift))

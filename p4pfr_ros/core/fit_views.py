@@ -90,7 +90,15 @@ def _described(fitted: _Fitted, knowledge: Knowledge, measured: bool) -> JointFi
     fill_blocks(points, poses, lens, limit, room)
     view_equations(len(views), room, told)
     lens_equations(len(views), lens, prior, 0.0, room)
-    scatter = scatter_of(told, room.reduced, prior, variance, K + order) if measured else 1.0
+    free, scatter = slice(K + order), 1.0
+    if measured:
+        scatter = scatter_of(
+            told[:, free, free],
+            told[:, free, LENS_SIZE],
+            prior.information[free, free],
+            room.reduced[free, free],
+            variance,
+        )
     return JointFit(
         views=views,
         lens=lens,
@@ -102,7 +110,6 @@ def _described(fitted: _Fitted, knowledge: Knowledge, measured: bool) -> JointFi
         spare=spare,
         measured=measured,
         scatter=scatter,
-        blocks=room.blocks,
         equations=room.reduced,
         prior=variance * (knowledge.information - knowledge.remembered),
         told=told[:, :, :LENS_SIZE],

@@ -15,7 +15,7 @@ from .adjust import (
 from .calibration_view import CalibrationView
 from .geometry import Array, Ints
 from .information import inverse_of, Knowledge
-from .lens import COLUMNS, K, LENS_SIZE
+from .lens import K, LENS_SIZE
 from .uncertainty import DEFAULT_SIGMA_PX, posterior_variance
 
 # A point whose error is beyond this many standard deviations of a coordinate is an outlier: of
@@ -33,10 +33,9 @@ class JointFit:
     errors of all points, px², and limit, beyond which one is an outlier's; variance of a
     coordinate, px², with the coordinates to spare, and whether it was measured by them; scatter,
     by how much the views differ over the lens, in units of what the noise explains (1 at least);
-    blocks (V, 13, 13), the views' normal equations; equations (6, 7), those of the lens, with all
-    that is known besides; prior (6, 6), what of that was known beforehand, px²; told (V, 6, 6)
-    and pulls (V, 6), what each view adds to them: its information, and where it would have the
-    lens go.
+    equations (6, 7), the normal equations of the lens, with all that is known besides; prior
+    (6, 6), what of that was known beforehand, px²; told (V, 6, 6) and pulls (V, 6), what each
+    view adds to them: its information, and where it would have the lens go.
     """
 
     views: tuple[CalibrationView, ...]
@@ -49,7 +48,6 @@ class JointFit:
     spare: int
     measured: bool
     scatter: float
-    blocks: Array
     equations: Array
     prior: Array
     told: Array
@@ -84,7 +82,6 @@ class JointFit:
             views=tuple(view for view, kept in zip(self.views, keep, strict=True) if kept),
             poses=self.poses[keep],
             squares=np.delete(self.squares, np.arange(first, last)),
-            blocks=self.blocks[keep],
             told=self.told[keep],
             pulls=self.pulls[keep],
         )
@@ -125,7 +122,6 @@ def unfitted(knowledge: Knowledge, order: int) -> JointFit:
         spare=0,
         measured=False,
         scatter=1.0,
-        blocks=np.empty((0, COLUMNS, COLUMNS)),
         equations=np.column_stack([information, np.zeros(LENS_SIZE)]),
         prior=information,
         told=np.empty((0, LENS_SIZE, LENS_SIZE)),
