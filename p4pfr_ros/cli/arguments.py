@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers of the command line; argparse names the option when one of these raises."""
+"""Numbers of the command line, which argparse names where one raises, and shared options."""
 
 from __future__ import annotations
 
 import argparse
 import math
 
+from p4pfr_ros import RansacOptions
+
+_DEFAULTS = RansacOptions()
 _LARGEST_SEED = 2**31 - 1
 
 
@@ -39,3 +42,24 @@ def seed(text: str) -> int:
     if not 0 <= value <= _LARGEST_SEED:
         raise argparse.ArgumentTypeError(f'expected 0 to {_LARGEST_SEED}, got {text}')
     return value
+
+
+def add_threshold(parser: argparse.ArgumentParser) -> None:
+    """Add the option that says what an outlier is."""
+    parser.add_argument(
+        '--threshold',
+        type=positive,
+        default=_DEFAULTS.threshold_px,
+        metavar='PX',
+        help='a point farther from its reprojection is an outlier (default: %(default)s)',
+    )
+
+
+def add_seed(parser: argparse.ArgumentParser) -> None:
+    """Add the option that says which random samples are drawn."""
+    parser.add_argument(
+        '--seed',
+        type=seed,
+        default=_DEFAULTS.seed,
+        help='of the random samples (default: %(default)s)',
+    )

@@ -10,7 +10,7 @@ import sys
 
 from p4pfr_ros import CalibrationState, RansacOptions
 from p4pfr_ros.calibration_file import Calibration, save_calibration
-from p4pfr_ros.cli.arguments import count, positive, seed
+from p4pfr_ros.cli.arguments import add_seed, add_threshold, count
 from p4pfr_ros.cli.calibration_report import (
     print_calibration_json,
     print_misses,
@@ -23,8 +23,6 @@ from p4pfr_ros.cli.progress import with_progress
 from p4pfr_ros.files import ConfigError, load_board
 from p4pfr_ros.picture_calibration import PictureCalibration
 from p4pfr_ros.places import check_place
-
-_DEFAULTS = RansacOptions()
 
 _EPILOG = """\
 The pictures are taken in their order, as a robot's camera would see them, and
@@ -62,19 +60,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add('--plot', type=Path, metavar='FILE', help='write a report there: a .png, .svg or .pdf')
     add('--json', action='store_true', help='print JSON lines instead of a table')
     add('--force', action='store_true', help='write a camera that is not yet known well too')
-    add(
-        '--threshold',
-        type=positive,
-        default=_DEFAULTS.threshold_px,
-        metavar='PX',
-        help='a point farther from its reprojection is an outlier (default: %(default)s)',
-    )
-    add(
-        '--seed',
-        type=seed,
-        default=_DEFAULTS.seed,
-        help='of the random samples (default: %(default)s)',
-    )
+    add_threshold(parser)
+    add_seed(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

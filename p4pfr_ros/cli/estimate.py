@@ -9,13 +9,11 @@ import sys
 
 from p4pfr_ros import RansacOptions
 from p4pfr_ros.cli.answers import Answer, NoAnswer
-from p4pfr_ros.cli.arguments import finite, positive, seed
+from p4pfr_ros.cli.arguments import add_seed, add_threshold, finite, positive
 from p4pfr_ros.cli.pictures import answer_from, check_names, find_pictures, Question
 from p4pfr_ros.cli.progress import with_progress
 from p4pfr_ros.cli.report import print_json_line, print_table
 from p4pfr_ros.files import ConfigError, load_board
-
-_DEFAULTS = RansacOptions()
 
 _EPILOG = """\
 Every picture is solved by itself: nothing is carried over from one to the next.
@@ -50,20 +48,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar=('X', 'Y'),
         help="the lens's centre in the picture, px (default: the middle)",
     )
-    add(
-        '--threshold',
-        type=positive,
-        default=_DEFAULTS.threshold_px,
-        metavar='PX',
-        help='a point farther from its reprojection is an outlier (default: %(default)s)',
-    )
+    add_threshold(parser)
     _add_knowledge(parser)
-    add(
-        '--seed',
-        type=seed,
-        default=_DEFAULTS.seed,
-        help='of the random samples (default: %(default)s)',
-    )
+    add_seed(parser)
 
 
 def _add_knowledge(parser: argparse.ArgumentParser) -> None:
