@@ -23,11 +23,10 @@ from p4pfr_ros.core.views import View
 from rich.progress import track
 
 from .calibration_wide import wide_rows
+from .tables import Measured, page_of
 
 _CORNER_PX = 0.5 * math.hypot(*IMAGE_SIZE)
 _MORE_VIEWS = 100
-
-Table = tuple[str, Sequence[str], list[list[str]]]
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -38,15 +37,14 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     cv2.setNumThreads(1)
     tables = [_errors_table(options.cameras), _time_table(), wide_rows(options.cameras // 10)]
-    text = '# Self-calibration, measured\n\nWritten by `python -m benchmarks.calibration`.\n'
-    text += ''.join(_markdown(*table) for table in tables)
+    text = page_of('Self-calibration, measured', 'python -m benchmarks.calibration', tables)
     print(text)
     if options.markdown:
         options.markdown.write_text(text)
     return 0
 
 
-def _errors_table(cameras: int) -> Table:
+def _errors_table(cameras: int) -> Measured:
     """Compare with full bundle adjustment from the truth."""
     ours, best, squares = [], [], []
     for seed in track(range(cameras), 'cameras', transient=True):
@@ -66,10 +64,10 @@ def _errors_table(cameras: int) -> Table:
     medians = [np.median(errors, axis=0) for errors in (ours, best)]
     names = ('focal length, %', 'centre, px', 'bend of the corner k r²')
     rows = [
-        [name, f'{a:.4f}', f'{b:.4f}', f'{a / b:.2f}']
+        (name, f'{a:.4f}', f'{b:.4f}', f'{a / b:.2f}')
         for name, a, b in zip(names, *medians, strict=True)
     ]
-    rows.append(['mean normalised squared error', f'{np.mean(squares):.2f}', '4 in truth', ''])
+    rows.append(('mean normalised squared error', f'{np.mean(squares):.2f}', '4 in truth', ''))
     title = f'Median errors, {cameras} cameras: 30 views of 24 points, 0.5 px, 10 % outliers'
     return title, ('', 'SelfCalibration', 'full bundle adjustment from the truth', 'ratio'), rows
 
@@ -85,7 +83,7 @@ def _sizes(found: DivisionCamera, truth: DivisionCamera) -> Array:
     return np.array([100.0 * focal_px / truth.focal_px, math.hypot(x, y), bend])
 
 
-def _time_table() -> Table:
+def _time_table() -> Measured:
     """Time updates with a full set of views, and OpenCV on the same set."""
     rng = np.random.default_rng(0)
     camera = DivisionCamera(800.0, (650.0, 470.0), -0.2)
@@ -101,7 +99,7 @@ def _time_table() -> Table:
     _opencv(views[-40:])
     opencv = time.process_time() - begin
     rows = [
-        [name, f'{1e3 * np.median(seconds):.2f}', f'{opencv / np.median(seconds):.0f}']
+        (name, f'{1e3 * np.median(seconds):.2f}', f'{opencv / np.median(seconds):.0f}')
         for name, seconds in (
             ('a view after which all 40 are fitted anew', times[Verdict.KEPT]),
             ('a view that is remembered', times[Verdict.KNOWN]),
@@ -122,12 +120,6 @@ def _opencv(views: Sequence[View]) -> None:
     points = [np.pad(v.board_points, ((0, 0), (0, 1))).astype(np.float32) for v in views]
     image = [v.image_points.astype(np.float32) for v in views]
     cv2.calibrateCamera(points, image, IMAGE_SIZE, None, None)
-
-
-def _markdown(title: str, header: Sequence[str], rows: list[list[str]]) -> str:
-    lines = [f'| {" | ".join(row)} |' for row in (list(header), *rows)]
-    lines.insert(1, '|--' * len(header) + '|')
-    return f'\n## {title}\n\n' + '\n'.join(lines) + '\n'
 
 
 if __name__ == '__main__':

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import math
 from typing import Any
 
@@ -13,6 +12,8 @@ from p4pfr_ros.core.camera_info_model import CameraInfoModel
 from p4pfr_ros.core.camera_views import camera_view, grid
 from p4pfr_ros.core.synthetic import IMAGE_SIZE
 from p4pfr_ros.core.views import View
+
+from .tables import Measured, Row
 
 _FIELDS_OF_VIEW_DEG = (100, 130, 150)
 _VIEWS, _HELD_OUT = 18, 10
@@ -29,23 +30,16 @@ HEADER = (
 )
 
 
-def wide_rows(cameras: int) -> tuple[str, Sequence[str], list[list[str]]]:
+def wide_rows(cameras: int) -> Measured:
     """Measure some lenses of each field of view."""
-    rows = []
+    rows: list[Row] = []
     for fov_deg in _FIELDS_OF_VIEW_DEG:
         found = [_calibrate(fov_deg, seed) for seed in range(max(1, cameras))]
         terms, times, shares = zip(*found, strict=True)
         spread = f'{min(terms)} to {max(terms)}' if min(terms) < max(terms) else f'{terms[0]}'
         off = 100.0 * np.abs(shares)
-        rows.append(
-            [
-                f'{fov_deg}°',
-                spread,
-                f'{max(times):.2f}',
-                f'{np.median(off):.3f}',
-                f'{off.max():.3f}',
-            ]
-        )
+        errors = (f'{np.median(off):.3f}', f'{off.max():.3f}')
+        rows.append((f'{fov_deg}°', spread, f'{max(times):.2f}', *errors))
     title = (
         f'Equidistant lenses, {max(1, cameras)} each: {_VIEWS} views of 200 points, '
         f'{_NOISE_PX} px; worst rms of {_HELD_OUT} views not used in the fit'

@@ -24,8 +24,9 @@ from rich.console import Console
 
 from .node_load import DEPTH, Load, Run
 from .node_process import MeasuredProcess
-from .node_report import LATENCY_HEADER, markdown, NOTE, RATE_HEADER, Row, table_of
+from .node_report import LATENCY_HEADER, NOTE, RATE_HEADER
 from .node_views import IMAGE_SIZE, MARKER_M, POINTS, Views, views_of
+from .tables import page_of, Row, table_of
 
 RATES_HZ = (30, 200, 1000)
 LADDER_HZ = (500, 750, 1000, 1250, 1500, 2000, 2500, 3000, 4000)
@@ -38,6 +39,8 @@ _WARM_UP, _WARM_UP_HZ = 2000, 250.0
 _FEWEST = 150
 
 _WIDTH = 170
+_TITLE = 'pose_node under load, measured'
+_COMMAND = 'python -m benchmarks.node'
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -72,7 +75,7 @@ def main(arguments: list[str] | None = None) -> int:
     notes = [memory, NOTE]
     console.print(*notes, sep='\n', soft_wrap=True)
     if options.markdown:
-        options.markdown.write_text(markdown(tables, notes), encoding='utf-8')
+        options.markdown.write_text(page_of(_TITLE, _COMMAND, tables, notes), encoding='utf-8')
     return 0
 
 

@@ -1,16 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of the benchmark of pose_node, and what is to be said of them."""
+"""The headings of the benchmark of pose_node, and what is to be said of its tables."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from rich.box import SIMPLE_HEAVY
-from rich.table import Table
-
 from .node_load import DEPTH
-
-Row = tuple[str, ...]
 
 LATENCY_HEADER = (
     'points',
@@ -38,22 +31,3 @@ NOTE = (
     'back, in real time at 200 messages a second; or still. CPU ms: processor time of an answer, '
     "the bare transport's beside it."
 )
-
-
-def table_of(title: str, header: Sequence[str], rows: Sequence[Row]) -> Table:
-    """Lay a table out for the terminal."""
-    table = Table(title=title, box=SIMPLE_HEAVY)
-    for column in header:
-        table.add_column(column, justify='right', no_wrap=True)
-    for row in rows:
-        table.add_row(*row)
-    return table
-
-
-def markdown(tables: list[tuple[str, Row, list[Row]]], notes: list[str]) -> str:
-    """Write the tables and notes as a page."""
-    lines = ['# pose_node under load, measured', '', 'Written by `python -m benchmarks.node`.']
-    for title, header, rows in tables:
-        lines += ['', f'## {title}', '', '| ' + ' | '.join(header) + ' |']
-        lines += ['|' + '--:|' * len(header), *('| ' + ' | '.join(row) + ' |' for row in rows)]
-    return '\n'.join([*lines, *(f'\n{note}' for note in notes)]) + '\n'

@@ -12,19 +12,20 @@ import functools
 from pathlib import Path
 
 import cv2
-from rich.box import SIMPLE_HEAVY
 from rich.console import Console
-from rich.table import Table
 
 from .known_camera import KNOWN_HEADER, known_rows
 from .opencv import calibrate, Calls, estimate, median_ms, views_of
 from .published_robust import Figures, IDEAL, POSELIB, POSELIB_MORE, RADIALPOSE, ROBUST
 from .robust_scenes import Cell, Errors, measure_cell
+from .tables import page_of, table_of
 
 _CELLS = [(n, percent) for n in (100, 24) for percent in (0, 30, 50, 70)]
 _TIMED_VIEWS = 50
 _TIMED_ROUNDS = 5
 _WIDTH = 230
+_TITLE = 'Robust estimation, measured'
+_COMMAND = 'python -m benchmarks.robust --markdown'
 
 HEADER = (
     'points',
@@ -71,10 +72,12 @@ def main(arguments: list[str] | None = None) -> int:
     )
     tables = [(title, HEADER, rows), ('The camera known: pose alone', KNOWN_HEADER, known)]
     for name, header, body in tables:
-        console.print(_table(name, header, body))
+        console.print(table_of(name, header, body))
     console.print(NOTE, unit, sep='\n', soft_wrap=True)
     if options.markdown:
-        options.markdown.write_text(_markdown(tables, [NOTE, unit]), encoding='utf-8')
+        options.markdown.write_text(
+            page_of(_TITLE, _COMMAND, tables, [NOTE, unit]), encoding='utf-8'
+        )
     return 0
 
 
@@ -116,27 +119,6 @@ def _figures(figures: Figures | None) -> str:
         return ''
     text = f'{figures.success:.1f} / {figures.rotation_deg:.3f} / {figures.focal:.2f}'
     return text if figures.milliseconds is None else f'{text} / {figures.milliseconds:g}'
-
-
-def _table(title: str, header: tuple[str, ...], rows: list[tuple[str, ...]]) -> Table:
-    table = Table(title=title, box=SIMPLE_HEAVY)
-    for column in header:
-        table.add_column(column, justify='right', no_wrap=True)
-    for row in rows:
-        table.add_row(*row)
-    return table
-
-
-def _markdown(
-    tables: list[tuple[str, tuple[str, ...], list[tuple[str, ...]]]], notes: list[str]
-) -> str:
-    lines = ['# Robust estimation, measured', '']
-    lines.append('Written by `python -m benchmarks.robust --markdown`.')
-    for title, header, rows in tables:
-        columns = (text.replace('-\n', '').replace('\n', ' ') for text in header)
-        lines += ['', f'## {title}', '', '| ' + ' | '.join(columns) + ' |']
-        lines += ['|' + '--:|' * len(header), *('| ' + ' | '.join(row) + ' |' for row in rows)]
-    return '\n'.join([*lines, *(f'\n{note}' for note in notes)]) + '\n'
 
 
 if __name__ == '__main__':

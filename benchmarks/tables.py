@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of what was measured: on the terminal, and on a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.box import SIMPLE_HEAVY
+from rich.table import Table
+
+Row = tuple[str, ...]
+
+# Title, header and rows; a heading may be broken over lines for the terminal.
+Measured = tuple[str, Row, Sequence[Row]]
+
+
+def table_of(title: str, header: Row, rows: Sequence[Row]) -> Table:
+    """Lay a table out for the terminal."""
+    table = Table(title=title, box=SIMPLE_HEAVY)
+    for column in header:
+        table.add_column(column, justify='right', no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def page_of(
+    title: str, command: str, tables: Sequence[Measured], notes: Sequence[str] = ()
+) -> str:
+    """Write tables and notes as a page in Markdown, which says the command that made it."""
+    lines = [f'# {title}', '', f'Written by `{command}`.']
+    for heading, header, rows in tables:
+        columns = (text.replace('-\n', '').replace('\n', ' ') for text in header)
+        lines += ['', f'## {heading}', '', '| ' + ' | '.join(columns) + ' |']
+        lines += ['|' + '--:|' * len(header), *('| ' + ' | '.join(row) + ' |' for row in rows)]
+    return '\n'.join([*lines, *(f'\n{note}' for note in notes)]) + '\n'
