@@ -17,12 +17,13 @@ if not (3, 10) <= sys.version_info[:2] <= (3, 13):
 endef
 export CHECK_PYTHON
 
-.PHONY: help venv demo test lint colcon opencv46 clean
+.PHONY: help venv demo test lint ament colcon opencv46 clean
 help:
 	@echo 'make venv    the environment, $(VENV): this package (editable), ROS 2 wheels, tools'
 	@echo 'make demo    a simulated camera, detector and pose node over DDS; writes demo.png'
 	@echo 'make test    unit, property and DDS tests'
 	@echo 'make lint    style and types'
+	@echo 'make ament   licence headers and package.xml, by the linters of ROS'
 	@echo 'make colcon  build, run and test as a colcon workspace does'
 	@echo 'make opencv46  the image side with the oldest OpenCV that is still in use'
 	@echo 'make clean   removes all that the above made'
@@ -59,6 +60,9 @@ lint: venv
 	$(BIN)/mypy
 	$(BIN)/ament_flake8 --config setup.cfg p4pfr_ros benchmarks docs test launch setup.py
 	$(BIN)/ament_pep257 --add-ignore D401 D402 -- p4pfr_ros benchmarks docs launch setup.py
+
+ament:
+	.ci/ament
 
 colcon:
 	PYTHON='$(PYTHON)' .ci/colcon

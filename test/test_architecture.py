@@ -1,4 +1,17 @@
-# SPDX-License-Identifier: Apache-2.0
+# Copyright 2026 p4pfr_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The rules that keep the code readable: layers, licence lines, sizes."""
 
 import ast
@@ -17,7 +30,10 @@ SOURCES = sorted(
     for path in (ROOT / folder).rglob('*.py')
 )
 
-MAX_FILE_LINES = 250
+# As in this file; .ci/ament asks the linter of ROS whether it is right.
+LICENCE = Path(__file__).read_text().partition('\n\n')[0] + '\n\n'
+
+MAX_FILE_LINES = 250  # without the licence
 MAX_FUNCTION_LINES = 40  # without the docstring
 
 # What stands in no room of its own lies between: boards, files, detection, rendering and so on.
@@ -125,13 +141,13 @@ def test_import_is_light(module, heavy):
 
 
 @over_sources
-def test_first_line_is_the_licence(path):
-    assert path.read_text().startswith('# SPDX-License-Identifier: Apache-2.0\n')
+def test_licence_comes_first(path):
+    assert path.read_text().startswith(LICENCE)
 
 
 @over_sources
 def test_file_is_small(path):
-    assert len(path.read_text().splitlines()) <= MAX_FILE_LINES
+    assert len(path.read_text().removeprefix(LICENCE).splitlines()) <= MAX_FILE_LINES
 
 
 @over_sources
