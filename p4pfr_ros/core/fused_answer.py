@@ -23,8 +23,7 @@ import math
 import numpy as np
 
 from .bundle import squared_errors, view_block
-from .calibration_view import bundle_of, CalibrationView
-from .camera import DivisionCamera
+from .calibration_view import bundle_of, CalibrationView, camera_of
 from .estimate import PoseEstimate, Stop
 from .geometry import Array
 from .information import inverse_of
@@ -135,10 +134,9 @@ def seen_by_fit(view: CalibrationView, row: Array, fit: JointFit) -> SeenByFit:
     return SeenByFit(view, fit, row, squares, block)
 
 
-def fused_answer(
-    seen: SeenByFit, camera: DivisionCamera, known: PoseEstimate, threshold_px: float
-) -> PoseEstimate:
-    """Dress a view's pose by the fused camera; known is its estimate by a camera close to it."""
+def fused_answer(seen: SeenByFit, known: PoseEstimate, threshold_px: float) -> PoseEstimate:
+    """Dress a view's pose by a fit's camera; known is its estimate by a camera close to it."""
+    camera = camera_of(seen.fit.lens, seen.view.scaled.center_px)
     pose = seen.view.pose_from_row(seen.row)
     covariance = seen.covariance()
     observable = observability_of(

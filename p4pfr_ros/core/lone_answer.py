@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from .calibration_view import camera_of, lens_of
+from .calibration_view import lens_of
 from .estimate import PoseEstimate
 from .fit_views import fit_views
 from .fused_answer import fused_answer, seen_by_fit
@@ -42,5 +42,4 @@ def lone_answer(sighting: Sighting, common: Knowledge) -> PoseEstimate:
     knowledge, lens = replace(common, mean=mean), lens_of(alone.model.camera, middle_px)
     fit = fit_views([view], row[None], lens, 1, knowledge, sighting.robust.sigma_px)
     seen = seen_by_fit(view, fit.poses[0], fit)
-    camera = camera_of(fit.lens, middle_px)
-    return fused_answer(seen, camera, alone, sighting.robust.threshold_px)
+    return fused_answer(seen, alone, sighting.robust.threshold_px)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How far a calibration is, by the standard deviations of its camera."""
+"""How far a calibration is, by the standard deviations of its camera; and that camera."""
 
 from __future__ import annotations
 
@@ -21,11 +21,37 @@ import math
 import numpy as np
 
 from .calibration_terms import CalibrationOptions, CalibrationState
+from .camera import DivisionCamera
+from .camera_estimate import CameraEstimate
 from .geometry import Array
+from .joint_fit import JointFit
 from .lens import CX, FOCAL, K, LENS_SIZE
 
 # Rougher than this, a share of the focal length or a bend of the corner, a camera is a guess.
 _GUESS = 0.15
+
+
+def progress_of(
+    fit: JointFit,
+    camera: DivisionCamera,
+    others: int,
+    image_size: tuple[int, int],
+    options: CalibrationOptions,
+    adopted: CameraEstimate | None,
+) -> tuple[CalibrationState, CameraEstimate | None]:
+    """
+    Return how far a fit has come, and its camera, where that is more than a guess.
+
+    others is how many views are remembered besides those that are fitted; adopted is the camera
+    that was begun with, which knows how good its own fit was, while there is no view.
+    """
+    views, covariance = len(fit.views) + others, fit.covariance
+    state = state_of(fit.lens, covariance, 0.5 * math.hypot(*image_size), views, options)
+    if state is CalibrationState.UNCALIBRATED:
+        return state, None
+    if math.isnan(fit.rms_px):
+        return state, adopted
+    return state, CameraEstimate(camera, covariance, fit.rms_px, views)
 
 
 def state_of(

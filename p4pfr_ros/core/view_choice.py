@@ -62,6 +62,12 @@ def distance_to_views_px(
     return math.sqrt(np.nan_to_num(ways2, nan=np.inf).min(initial=np.inf))
 
 
+def poses_of(fit: JointFit) -> Array:
+    """Return the poses (V, 12) of a fit's views, in board units."""
+    pairs = zip(fit.views, fit.poses, strict=True)
+    return rows_of([view.pose_from_row(row) for view, row in pairs])
+
+
 def rows_of(poses: Sequence[Pose]) -> Array:
     """Return the numbers (V, 12) of poses: rotations, row by row, and translations."""
     rows = [np.concatenate([pose.rotation.ravel(), pose.translation]) for pose in poses]

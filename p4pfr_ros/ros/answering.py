@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 
 from .calibration_keeper import CalibrationKeeper
 from .inputs import Found
-from .intrinsics import Intrinsics, View
+from .intrinsics import Answer, Intrinsics, View
 from .intrinsics_options import SELF_CALIBRATE
 from .pictures import outside, Pictures
 from .pose_options import PoseNodeOptions
@@ -66,12 +66,18 @@ class Answering:
         """Answer all boards of one picture, those that can be."""
         received_s = time.monotonic()
         self._reports.received(received_s)
+        answered = []
         for one in found:
             board = self._seen_board(header, one, options)
             if isinstance(board, Rejected):
                 self._reports.reject(board)
             elif self._is_wanted(board, options):
-                self._answer(board, options, received_s)
+                answer = self._answer(board, options, received_s)
+                if answer is not None:
+                    answered.append((board, answer))
+        # All poses are on their way: now there is time to learn.
+        for board, answer in answered:
+            self._learn(board, answer, options)
 
     def _seen_board(
         self, header: Header, found: Found, options: PoseNodeOptions
@@ -92,17 +98,25 @@ class Answering:
         learns = options.intrinsics.mode == SELF_CALIBRATE
         return learns or self._publishing.is_heard(board.target, options)
 
-    def _answer(self, board: SeenBoard, options: PoseNodeOptions, received_s: float) -> None:
+    def _answer(
+        self, board: SeenBoard, options: PoseNodeOptions, received_s: float
+    ) -> Answer | None:
         self._reports.remark(self._pictures.remark_on(board.header))
         answer = self._intrinsics.answer(_view(board), options)
         if isinstance(answer, Rejected):
             self._reports.reject(answer)
-            return
-        self._reports.published(self._publishing.publish(board, answer, options))
+            return None
+        self._publishing.show(board, answer.estimate, options)
         self._reports.answered(board.stamp_ns, answer.estimate, received_s)
-        self._reports.remark(answer.remark)
+        return answer
+
+    def _learn(self, board: SeenBoard, answer: Answer, options: PoseNodeOptions) -> None:
+        news = answer.news()
+        self._reports.remark(news.remark)
+        if news.camera is not None:
+            self._reports.published(self._publishing.tell(board, news.camera, options))
         if options.intrinsics.mode == SELF_CALIBRATE:
-            restarted = answer.remark is not None
+            restarted = news.remark is not None
             self._keeper.look_after(board.header, board.frame, options, restarted=restarted)
             self._reports.calibrated(self._keeper.found, restarted=restarted)
         else:

@@ -59,21 +59,33 @@ class View:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class News:
+    """
+    What a view has brought besides its pose.
+
+    camera
+        A camera that the world should hear of.
+    remark
+        What people should hear of.
+    """
+
+    camera: DivisionCamera | None = None
+    remark: Rejected | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Answer:
     """
     What is known of a view.
 
     estimate
         Its pose and camera, or why there are none.
-    camera
-        A camera that the world should hear of, if this view has brought one forth.
-    remark
-        What people should hear of.
+    news
+        Learns from the view, once, and returns what came of that. The pose need not wait for it.
     """
 
     estimate: PoseEstimate
-    camera: DivisionCamera | None = None
-    remark: Rejected | None = None
+    news: Callable[[], News] = News
 
 
 Known = DivisionCamera | CameraInfoModel
@@ -128,8 +140,13 @@ class Intrinsics:
         remark = found.make_ready(
             view.image_size, _search(options.robust), _calibration(options.calibration)
         )
-        estimate = found.update(view.image_points, view.board_points, view.stamp_ns)
-        return Answer(estimate, found.news(), remark or found.remark())
+        estimate, learn = found.answer(view.image_points, view.board_points, view.stamp_ns)
+
+        def news() -> News:
+            learn()
+            return News(found.news(), remark or found.remark())
+
+        return Answer(estimate, news)
 
     def _per_frame(self, view: View, options: PoseNodeOptions) -> Answer:
         estimate = estimate_pose(
@@ -141,7 +158,8 @@ class Intrinsics:
         )
         seen = estimate.observable
         told = estimate.model is not None and seen.focal and seen.distortion
-        return Answer(estimate, estimate.model.camera if estimate.model and told else None)
+        camera = estimate.model.camera if estimate.model and told else None
+        return Answer(estimate, lambda: News(camera))
 
     def _fixed(self, view: View, options: PoseNodeOptions) -> Answer | Rejected:
         camera = self.fixed_camera(options, view.image_size)
@@ -151,7 +169,7 @@ class Intrinsics:
         if isinstance(camera, CameraInfoModel) or camera == self._told:
             return Answer(estimate)
         self._told = camera
-        return Answer(estimate, camera)
+        return Answer(estimate, lambda: News(camera))
 
     def _by_camera_info(self, view: View, options: PoseNodeOptions) -> Answer | Rejected:
         model = self._latest_model()

@@ -106,4 +106,3 @@ class CameraOutputs:
         model = camera.to_camera_info_model(frame.size)
         self._camera_info.publish(camera_info_from_model_msg(header, frame, model))
         return model
-        return model

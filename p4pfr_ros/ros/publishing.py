@@ -16,11 +16,11 @@
 
 from __future__ import annotations
 
+from p4pfr_ros import DivisionCamera, PoseEstimate
 from p4pfr_ros.core.camera_info_model import CameraInfoModel
 from rclpy.node import Node
 
 from .endpoints import Endpoints
-from .intrinsics import Answer
 from .intrinsics_options import PER_FRAME
 from .outputs import CameraOutputs, PoseOutputs
 from .pose_options import PoseNodeOptions
@@ -57,16 +57,16 @@ class Publishing:
             or self._scene.is_heard(options)
         )
 
-    def publish(
-        self, board: SeenBoard, answer: Answer, options: PoseNodeOptions
-    ) -> CameraInfoModel | None:
-        """Publish an answer; return the camera's model if that was published too."""
-        header, target = board.header, board.target
+    def show(self, board: SeenBoard, estimate: PoseEstimate, options: PoseNodeOptions) -> None:
+        """Publish what a view shows."""
         # The poses first: somebody may be steering by them.
-        self._poses[target.prefix].publish(header, answer.estimate)
-        self._scene.show(board, answer.estimate, options)
-        if answer.camera is None:
-            return None
+        self._poses[board.target.prefix].publish(board.header, estimate)
+        self._scene.show(board, estimate, options)
+
+    def tell(
+        self, board: SeenBoard, camera: DivisionCamera, options: PoseNodeOptions
+    ) -> CameraInfoModel | None:
+        """Publish a camera; return the model of it that was published."""
         # A camera of one frame is worth the fit of a model only if somebody waits for it.
         lasts = options.intrinsics.mode != PER_FRAME
-        return self._cameras.publish(header, board.frame, answer.camera, latch=lasts)
+        return self._cameras.publish(board.header, board.frame, camera, latch=lasts)

@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from p4pfr_ros import (
     CalibrationOptions,
     CalibrationState,
@@ -96,10 +98,18 @@ class SelfCalibrating:
         self._begin(image_size, loaded.estimate if loaded and begins else None)
         return None if before is None else _other_size(before.image_size, image_size)
 
-    def update(self, image_points: Array, board_points: Array, stamp_ns: int) -> PoseEstimate:
-        """Learn from a view, and answer it; ``make_ready`` comes first."""
-        assert self._calibration is not None
-        return self._calibration.update(image_points, board_points, stamp_ns)
+    def answer(
+        self, image_points: Array, board_points: Array, stamp_ns: int
+    ) -> tuple[PoseEstimate, Callable[[], None]]:
+        """Answer a view; the call that is returned learns from it. ``make_ready`` comes first."""
+        calibration = self._calibration
+        assert calibration is not None
+        sighting = calibration.look(image_points, board_points, stamp_ns)
+        early = calibration.early_answer(sighting)
+        if early is not None:
+            return early, lambda: calibration.learn(sighting)
+        calibration.learn(sighting)
+        return calibration.answer(sighting), _nothing
 
     def news(self) -> DivisionCamera | None:
         """Return the camera if the last view has changed it."""
@@ -140,6 +150,10 @@ class SelfCalibrating:
         self._calibration = SelfCalibration(image_size, options=options, robust=robust)
         if known is not None:
             self._calibration.adopt(known)
+
+
+def _nothing() -> None:
+    """Learn no more."""
 
 
 def _other_size(expected: tuple[int, int], got: tuple[int, int]) -> Rejected:

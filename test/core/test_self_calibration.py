@@ -208,3 +208,39 @@ def test_a_wrong_view_is_the_callers_fault():
         calibration.update(np.full((24, 2), np.nan), BOARD)
     with pytest.raises(ValueError, match='image_size'):
         SelfCalibration((0, 480))
+
+
+@takes_long
+def test_an_early_answer_is_by_the_camera_that_is_known():
+    """There is none before that camera is good, and it hardly differs from the later one."""
+    views = views_of(drawn(13), 40, 13)
+    calibration = SelfCalibration(IMAGE_SIZE)
+    assert calibration.early_answer(_looked_at(calibration, views[0])) is None
+    calibrated(views[:30], calibration)
+    assert calibration.state is CalibrationState.CALIBRATED
+    for view in views[30:]:
+        sighting, before = _looked_at(calibration, view), calibration.fused.camera
+        early = calibration.early_answer(sighting)
+        assert early.model.camera == before == calibration.fused.camera
+        calibration.learn(sighting)
+        late = calibration.answer(sighting)
+        assert late.model.camera == calibration.fused.camera
+        step = late.model.camera_from_board.translation - early.model.camera_from_board.translation
+        assert step @ np.linalg.solve(early.covariance[:3, :3], step) < 1.0
+    strange = views_of(drawn(14), 1, 14)[0]
+    assert calibration.early_answer(_looked_at(calibration, strange)) is None
+
+
+@takes_long
+def test_two_boards_of_one_picture_are_both_learnt_from():
+    """The second was looked at before the first had changed the camera."""
+    views = views_of(drawn(15), 6, 15)
+    calibration, in_turn = calibrated(views[:4]), calibrated(views)
+    for sighting in [_looked_at(calibration, view) for view in views[4:]]:
+        calibration.learn(sighting)
+    assert calibration.fused.camera == in_turn.fused.camera
+    assert len(calibration.views) == 6
+
+
+def _looked_at(calibration, view):
+    return calibration.look(view.image_points, view.board_points)

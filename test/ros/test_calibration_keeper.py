@@ -52,7 +52,8 @@ class Kept:
         robust, calibration = self.options.robust.ransac(), self.options.calibration.core()
         for moment in moments:
             found.make_ready(moving.SIZE, robust, calibration)
-            found.update(moment.image_points, moving.BOARD.points, moment.index)
+            _, learn = found.answer(moment.image_points, moving.BOARD.points, moment.index)
+            learn()
             self.keeper.look_after(
                 scenes.header(moment.index),
                 FRAME,

@@ -14,9 +14,11 @@
 
 """The modes without a node: how good poses get, what changes are noticed, what is refused."""
 
+from typing import NamedTuple
+
 import moving
 import numpy as np
-from p4pfr_ros import CalibrationState
+from p4pfr_ros import CalibrationState, DivisionCamera, PoseEstimate
 from p4pfr_ros.calibration_file import Calibration
 from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.ros.intrinsics import Intrinsics, View
@@ -46,6 +48,14 @@ def fixed(camera):
 SELF_CALIBRATE, FREEZE = options('self_calibrate'), options('fixed')
 
 
+class Answered(NamedTuple):
+    """A moment's answer, and what it has brought besides."""
+
+    estimate: PoseEstimate
+    camera: DivisionCamera | None
+    remark: Rejected | None
+
+
 class Modes:
     """The modes of one node, and the camera that it finds."""
 
@@ -53,9 +63,17 @@ class Modes:
         self.found = SelfCalibrating(loaded)
         self._intrinsics = Intrinsics(self.found, lambda: model)
 
-    def answer(self, moment, settings=SELF_CALIBRATE):
-        """Answer one moment."""
+    def look(self, moment, settings=SELF_CALIBRATE):
+        """Answer one moment; nothing may have been learnt from it yet."""
         return self._intrinsics.answer(moment.view, settings)
+
+    def answer(self, moment, settings=SELF_CALIBRATE):
+        """Answer one moment, and learn from it."""
+        answer = self.look(moment, settings)
+        if isinstance(answer, Rejected):
+            return answer
+        news = answer.news()
+        return Answered(answer.estimate, news.camera, news.remark)
 
     def learn(self, moments, settings=SELF_CALIBRATE):
         """Answer many; return the last answer."""
@@ -124,19 +142,37 @@ def test_the_camera_is_told_when_a_view_has_changed_it():
     assert again.estimate.model.camera == modes.found.fused.camera
 
 
+def test_a_pose_by_a_known_camera_does_not_wait_for_what_is_learnt():
+    """Until the camera is good, the view itself makes the pose better, and is learnt from."""
+    modes, told = Modes(), 0
+    modes.look(moving.moments(0, 1)[0])
+    assert modes.found.fused is not None
+    modes.learn(moving.moments(0, LEARNING))
+    for moment in moving.moments(LEARNING, 2 * LEARNING):
+        before = modes.found.fused
+        answer = modes.look(moment)
+        assert answer.estimate.model.camera == before.camera
+        assert modes.found.fused is before
+        news = answer.news()
+        if news.camera is not None:
+            told += 1
+            assert news.camera == modes.found.fused.camera != before.camera
+    assert told > 0
+
+
 def test_pictures_of_another_size_are_of_another_camera():
     """It is said, and the calibration begins anew."""
     modes = Modes()
     modes.learn(moving.moments(0, 10))
     view = moving.moments(10, 11)[0].view
     larger = View(2.0 * view.image_points + 0.5, view.board_points, (1280, 960), 10)
-    answer = modes._intrinsics.answer(larger, SELF_CALIBRATE)
-    assert answer.remark.cause == 'image_size'
-    assert '640x480' in answer.remark.reason
-    assert '1280x960' in answer.remark.reason
+    remark = modes._intrinsics.answer(larger, SELF_CALIBRATE).news().remark
+    assert remark.cause == 'image_size'
+    assert '640x480' in remark.reason
+    assert '1280x960' in remark.reason
     assert modes.found.image_size == (1280, 960)
     assert modes.found.state is not CalibrationState.CALIBRATED
-    assert modes._intrinsics.answer(larger, SELF_CALIBRATE).remark is None
+    assert modes._intrinsics.answer(larger, SELF_CALIBRATE).news().remark is None
     refused = modes._intrinsics.answer(view, FREEZE)
     assert isinstance(refused, Rejected)
 
