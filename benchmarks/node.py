@@ -50,6 +50,7 @@ ECHO = 'bare transport'
 SELF_CALIBRATE, PER_FRAME = 'self_calibrate', 'per_frame'
 _WARM_UP, _WARM_UP_HZ = 2000, 250.0
 _FEWEST = 150
+_ROUNDS = 5  # of all cases of a rate, so that what disturbs the machine disturbs all of them
 
 _WIDTH = 170
 _TITLE = 'pose_node under load, measured'
@@ -138,18 +139,22 @@ def _start(name: str, namespace: str, log: Path) -> MeasuredProcess:
 def _latencies(
     console: Console, views: Views, loads: dict[str, Load], seconds: float
 ) -> Iterator[Row]:
-    """Measure each mode at each rate, right after the bare transport at that rate."""
+    """Measure each mode at each rate, and the bare transport at that rate, in turns."""
     cases = [
+        (ECHO, 'moving', views.moving),
         (SELF_CALIBRATE, 'everywhere', views.everywhere),
         (SELF_CALIBRATE, 'moving', views.moving),
         (SELF_CALIBRATE, 'still', views.still),
         (PER_FRAME, 'moving', views.moving),
     ]
     for rate_hz in RATES_HZ:
-        count = max(_FEWEST, round(rate_hz * seconds))
-        bare = loads[ECHO].at_rate(views.moving, rate_hz, count)
-        for mode, board, messages in cases:
-            run = loads[mode].at_rate(messages, rate_hz, count)
+        count = max(_FEWEST, round(rate_hz * seconds)) // _ROUNDS
+        rounds = [
+            [loads[mode].at_rate(messages, rate_hz, count) for mode, _, messages in cases]
+            for _ in range(_ROUNDS)
+        ]
+        bare, *runs = (Run.pooled(of_case) for of_case in zip(*rounds, strict=True))
+        for (mode, board, _), run in zip(cases[1:], runs, strict=True):
             row = (str(views.points), str(rate_hz), mode, board, *_compared(run, bare))
             console.print(*row)
             yield row

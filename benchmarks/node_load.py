@@ -54,6 +54,16 @@ class Run:
     sending_s: float
     processor_s: float
 
+    @classmethod
+    def pooled(cls, runs: Sequence[Run]) -> Run:
+        """Make one of several."""
+        return cls(
+            np.concatenate([run.latencies_ms for run in runs]),
+            sum(run.sent for run in runs),
+            sum(run.sending_s for run in runs),
+            sum(run.processor_s for run in runs),
+        )
+
     @property
     def lost(self) -> int:
         """How many were not answered."""
