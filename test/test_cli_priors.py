@@ -38,4 +38,4 @@ def test_a_sigma_that_is_none_is_named(tmp_path, capsys):
     write_scene(picture, CHESSBOARD)
     asked = ['estimate', '--board', CHESSBOARD, str(picture), '--prior-focal', '500', '-1']
     assert main(asked) == 1
-    assert 'prior_focal_sigma_px must be > 0' in capsys.readouterr().err
+    assert 'prior_focal_sigma_px must be at least 1e-06' in capsys.readouterr().err

@@ -37,6 +37,15 @@ class Stop(enum.Enum):
     NO_CONSENSUS = 'too few points agree on any one pose'
 
 
+# Surer than that nobody is, and squares of less would drown all else in rounding.
+_AT_LEAST = {
+    'sigma_px': 1e-6,
+    'prior_focal_px': 1e-3,
+    'prior_focal_sigma_px': 1e-6,
+    'prior_k_sigma': 1e-9,
+}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RansacOptions:
     """
@@ -106,10 +115,10 @@ class RansacOptions:
             )
         if self.min_inliers < 4:
             raise ValueError(f'min_inliers must be at least 4, got {self.min_inliers}')
-        for name in ('sigma_px', 'prior_focal_px', 'prior_focal_sigma_px', 'prior_k_sigma'):
+        for name, low in _AT_LEAST.items():
             value = getattr(self, name)
-            if value is not None and not 0.0 < value < math.inf:
-                raise ValueError(f'{name} must be > 0, got {value}')
+            if value is not None and not low <= value < math.inf:
+                raise ValueError(f'{name} must be at least {low:g}, got {value}')
         self._check_priors()
 
     def _check_priors(self) -> None:

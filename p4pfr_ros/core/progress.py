@@ -58,6 +58,9 @@ def state_of(
     lens: Array, covariance: Array, corner_px: float, views: int, options: CalibrationOptions
 ) -> CalibrationState:
     """Judge a lens (6,) and its covariance (6, 6); corner_px is half the picture's diagonal."""
+    # Numbers of next to nothing and of next to everything may leave rounding alone.
+    if not (np.diag(covariance) >= 0.0).all():
+        return CalibrationState.UNCALIBRATED
     focal_share = math.sqrt(covariance[FOCAL, FOCAL]) / lens[FOCAL]
     center_share = math.sqrt(np.diag(covariance)[CX:K].max()) / (2.0 * corner_px)
     # At the corner the ray's depth is  1 + k q + k2 q² + k3 q³,  q = |d|².

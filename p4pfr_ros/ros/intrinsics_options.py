@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from p4pfr_ros.files import ConfigError
+
 from .parameters import parameter
 
 SELF_CALIBRATE, PER_FRAME, FIXED, CAMERA_INFO = MODES = (
@@ -26,6 +28,8 @@ SELF_CALIBRATE, PER_FRAME, FIXED, CAMERA_INFO = MODES = (
     'fixed',
     'camera_info',
 )
+
+_SMALLEST_FOCAL_PX = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,3 +62,10 @@ class IntrinsicsOptions:
     k3: float = parameter(
         0.0, 'Mode fixed: its third coefficient, of wide lenses.', low=-100.0, high=100.0
     )
+
+    def __post_init__(self) -> None:
+        if 0.0 < self.focal_px < _SMALLEST_FOCAL_PX:
+            raise ConfigError(
+                f'intrinsics.focal_px: expected at least {_SMALLEST_FOCAL_PX:g} px, or 0 for not '
+                f'given, got {self.focal_px:g}'
+            )

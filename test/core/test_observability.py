@@ -132,9 +132,9 @@ def test_a_prior_and_a_good_view_agree_on_less_than_either():
     [
         ({'prior_focal_px': 800.0}, 'must be given together'),
         ({'prior_focal_sigma_px': 8.0}, 'must be given together'),
-        ({'prior_focal_px': -1.0, 'prior_focal_sigma_px': 8.0}, 'prior_focal_px must be > 0'),
+        ({'prior_focal_px': -1.0, 'prior_focal_sigma_px': 8.0}, 'prior_focal_px must be at least'),
         ({'prior_k': -0.1}, 'prior_k must come with prior_k_sigma'),
-        ({'prior_k_sigma': 0.0}, 'prior_k_sigma must be > 0'),
+        ({'prior_k_sigma': 0.0}, 'prior_k_sigma must be at least 1e-09'),
         ({'prior_k': np.nan, 'prior_k_sigma': 0.1}, 'prior_k must be finite'),
     ],
 )

@@ -216,7 +216,7 @@ def test_a_callers_mistake_is_named(image, board, known, complaint):
         ({'min_fov_deg': 90.0, 'max_fov_deg': 80.0}, 'max_fov_deg must be between 90'),
         ({'min_iterations': 10, 'max_iterations': 5}, 'min_iterations must be at least 1'),
         ({'min_inliers': 3}, 'min_inliers must be at least 4'),
-        ({'sigma_px': -1.0}, 'sigma_px must be > 0'),
+        ({'sigma_px': -1.0}, 'sigma_px must be at least 1e-06'),
     ],
 )
 def test_an_option_out_of_range_is_named(option, complaint):
