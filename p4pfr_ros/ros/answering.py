@@ -62,6 +62,12 @@ class Answering:
         if rejected is not None:
             self._reports.reject(rejected)
 
+    def reset(self) -> None:
+        """Start the calibration over, as if nothing had been seen or loaded."""
+        self._keeper.reset()
+        self._publishing.forget()
+        self._reports.calibrated(self._keeper.found)
+
     def on_found(self, header: Header, found: Iterable[Found], options: PoseNodeOptions) -> None:
         """Answer all boards of one picture, those that can be."""
         received_s = time.monotonic()
@@ -113,12 +119,13 @@ class Answering:
     def _learn(self, board: SeenBoard, answer: Answer, options: PoseNodeOptions) -> None:
         news = answer.news()
         self._reports.remark(news.remark)
-        if news.camera is not None:
-            self._reports.published(self._publishing.tell(board, news.camera, options))
+        self._reports.published(self._publishing.tell(board, news.camera, options))
         if options.intrinsics.mode == SELF_CALIBRATE:
-            restarted = news.remark is not None
-            self._keeper.look_after(board.header, board.frame, options, restarted=restarted)
-            self._reports.calibrated(self._keeper.found, restarted=restarted)
+            unsaved = self._keeper.look_after(
+                board.header, board.frame, options, restarted=news.restarted
+            )
+            self._reports.remark(unsaved)
+            self._reports.calibrated(self._keeper.found, restarted=news.restarted)
         else:
             self._reports.calibrated(None)
 

@@ -17,6 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
+import time
 
 from p4pfr_ros import CalibrationState, CameraEstimate
 from p4pfr_ros.calibration_file import Calibration, load_calibration, save_calibration
@@ -28,7 +30,11 @@ from std_msgs.msg import Header
 from .calibration_path import calibration_path
 from .conversions import camera_info_from_model_msg, ImageFrame
 from .pose_options import PoseNodeOptions
+from .rejections import Rejected
 from .self_calibrating import SelfCalibrating
+
+# After which a calibration that could not be saved is tried again.
+_AGAIN_S = 60.0
 
 
 class CalibrationKeeper:
@@ -60,29 +66,44 @@ class CalibrationKeeper:
         self._path = calibration_path(options.calibration_file, options.camera_name)
         self._camera_name = options.camera_name
         self._tell, self._say = tell, say
-        self._state, self._is_passed_on = CalibrationState.UNCALIBRATED, False
+        self._state: CalibrationState
+        self._is_passed_on: bool
+        self._forget()
         self.found = SelfCalibrating(self._load() if options.calibration_file else None)
 
     def look_after(
         self, header: Header, frame: ImageFrame, options: PoseNodeOptions, *, restarted: bool
-    ) -> None:
-        """After a view: say how far it is; once it is good, pass it on, and save it if asked."""
+    ) -> Rejected | None:
+        """
+        After a view: say how far it is; once it is good, pass it on, and save it if asked.
+
+        Where saving failed it is tried again after a while; what is returned says why.
+        """
         if restarted:
             self._forget()
         before, self._state = self._state, self.found.state
-        if self._state is before:
-            return
-        estimate = self.found.fused
-        numbers = '' if estimate is None else f': {_in_words(estimate)}'
-        self._say(f'calibration: {self._state.value}{numbers}')
-        calibration = self._calibration()
-        is_good = self._state is CalibrationState.CALIBRATED
-        if is_good and calibration is not None and not self._is_passed_on:
-            # A state that wavers about its limit is passed on once.
+        if self._state is not before:
+            estimate = self.found.fused
+            numbers = '' if estimate is None else f': {_in_words(estimate)}'
+            self._say(f'calibration: {self._state.value}{numbers}')
+        if self._state is not CalibrationState.CALIBRATED:
+            return None
+        # A state that wavers about its limit is passed on once, and saved once.
+        if not self._is_passed_on:
             self._is_passed_on = True
+            calibration = self._calibration()
+            assert calibration is not None
             self._tell(camera_info_from_model_msg(header, frame, calibration.model))
-            if options.save_when_calibrated:
-                self._say(self.save()[1])
+        wanted = options.save_when_calibrated and not self._is_saved
+        return self._save_unasked() if wanted and time.monotonic() >= self._try_again_s else None
+
+    def _save_unasked(self) -> Rejected | None:
+        self._is_saved, text = self.save()
+        if self._is_saved:
+            self._say(text)
+            return None
+        self._try_again_s = time.monotonic() + _AGAIN_S
+        return Rejected('not_saved', f'save_when_calibrated: {text}')
 
     def save(self) -> tuple[bool, str]:
         """Write the file; return whether that went well, and a line for people."""
@@ -101,7 +122,9 @@ class CalibrationKeeper:
         self._forget()
 
     def _forget(self) -> None:
-        self._state, self._is_passed_on = CalibrationState.UNCALIBRATED, False
+        self._state = CalibrationState.UNCALIBRATED
+        self._is_passed_on = self._is_saved = False
+        self._try_again_s = -math.inf
 
     def _load(self) -> Calibration | None:
         if not self._path.exists():
@@ -123,7 +146,8 @@ class CalibrationKeeper:
 def _in_words(estimate: CameraEstimate) -> str:
     camera = estimate.camera
     x, y = map(plus_minus, camera.center_px, estimate.center_sigma_px)
+    views = '1 view' if estimate.views == 1 else f'{estimate.views} views'
     return (
         f'focal length {plus_minus(camera.focal_px, estimate.focal_sigma_px)} px, centre {x}, {y} '
-        f'px, k {plus_minus(camera.k, estimate.k_sigma)}, {estimate.views} views'
+        f'px, k {plus_minus(camera.k, estimate.k_sigma)}, {views}'
     )

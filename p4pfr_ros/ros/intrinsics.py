@@ -40,7 +40,7 @@ from .intrinsics_options import CAMERA_INFO, FIXED, PER_FRAME, SELF_CALIBRATE
 from .pose_options import PoseNodeOptions
 from .rejections import Rejected
 from .robust_options import RobustOptions
-from .self_calibrating import SelfCalibrating
+from .self_calibrating import Known, News, SelfCalibrating
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,21 +59,6 @@ class View:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class News:
-    """
-    What a view has brought besides its pose.
-
-    camera
-        A camera that the world should hear of.
-    remark
-        What people should hear of.
-    """
-
-    camera: DivisionCamera | None = None
-    remark: Rejected | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Answer:
     """
     What is known of a view.
@@ -86,9 +71,6 @@ class Answer:
 
     estimate: PoseEstimate
     news: Callable[[], News] = News
-
-
-Known = DivisionCamera | CameraInfoModel
 
 
 class Intrinsics:
@@ -111,7 +93,6 @@ class Intrinsics:
     ) -> None:
         self._self_calibrating = self_calibrating
         self._latest_model = latest_model
-        self._told: DivisionCamera | None = None
         self._answers = {
             SELF_CALIBRATE: self._self_calibrated,
             PER_FRAME: self._per_frame,
@@ -121,8 +102,6 @@ class Intrinsics:
 
     def answer(self, view: View, options: PoseNodeOptions) -> Answer | Rejected:
         """Answer a view by the mode that the options name."""
-        if options.intrinsics.mode != FIXED:
-            self._told = None
         return self._answers[options.intrinsics.mode](view, options)
 
     def fixed_camera(
@@ -137,14 +116,18 @@ class Intrinsics:
 
     def _self_calibrated(self, view: View, options: PoseNodeOptions) -> Answer:
         found = self._self_calibrating
-        remark = found.make_ready(
+        size_news = found.make_ready(
             view.image_size, _search(options.robust), _calibration(options.calibration)
         )
         estimate, learn = found.answer(view.image_points, view.board_points, view.stamp_ns)
 
         def news() -> News:
-            learn()
-            return News(found.news(), remark or found.remark())
+            learnt = learn()
+            return News(
+                learnt.camera,
+                size_news.remark or learnt.remark,
+                size_news.restarted or learnt.restarted,
+            )
 
         return Answer(estimate, news)
 
@@ -166,9 +149,6 @@ class Intrinsics:
         if isinstance(camera, Rejected):
             return camera
         estimate = _pose_by(camera, view, _search(options.robust))
-        if isinstance(camera, CameraInfoModel) or camera == self._told:
-            return Answer(estimate)
-        self._told = camera
         return Answer(estimate, lambda: News(camera))
 
     def _by_camera_info(self, view: View, options: PoseNodeOptions) -> Answer | Rejected:

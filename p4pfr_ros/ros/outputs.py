@@ -16,8 +16,9 @@
 
 from __future__ import annotations
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseArray, PoseStamped, PoseWithCovarianceStamped
-from p4pfr_ros import DivisionCamera, PoseEstimate
+from p4pfr_ros import PoseEstimate
 from p4pfr_ros.core.camera_info_model import CameraInfoModel
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
@@ -25,12 +26,14 @@ from std_msgs.msg import Header
 from .conversions import (
     camera_info_division_msg,
     camera_info_from_model_msg,
+    camera_info_msg,
     ImageFrame,
     pose_array_msg,
     pose_msg,
     pose_with_covariance_msg,
 )
 from .endpoints import Endpoints, is_heard
+from .self_calibrating import Known
 
 
 class PoseOutputs:
@@ -75,7 +78,7 @@ class PoseOutputs:
 
 class CameraOutputs:
     """
-    The camera's topics: latched, so whoever comes late gets the latest camera.
+    The camera's topics: latched, so whoever comes late gets the camera in use, or K = 0.
 
     Parameters
     ----------
@@ -87,22 +90,36 @@ class CameraOutputs:
     def __init__(self, endpoints: Endpoints) -> None:
         self._camera_info = endpoints.advertise(CameraInfo, '~/camera_info', latched=True)
         self._division = endpoints.advertise(CameraInfo, '~/camera_info_division', latched=True)
+        self._told: tuple[Known, str, ImageFrame] | None = None
 
     def is_heard(self) -> bool:
         """Return whether anybody listens."""
         return is_heard(self._camera_info, self._division)
 
-    def publish(
-        self, header: Header, frame: ImageFrame, camera: DivisionCamera, *, latch: bool
-    ) -> CameraInfoModel | None:
+    def tell(self, header: Header, frame: ImageFrame, camera: Known) -> CameraInfoModel | None:
         """
-        Publish the camera: native, and in a model that image_proc knows, which is returned.
+        Publish a camera, if it is not the one that was told last; return its published model.
 
-        Without ``latch`` the latter is left out where nobody listens now.
+        A division camera is told as it is, and in a model that image_proc knows.
         """
-        self._division.publish(camera_info_division_msg(header, frame, camera))
-        if not (latch or is_heard(self._camera_info)):
+        news = camera, header.frame_id, frame
+        if news == self._told:
             return None
-        model = camera.to_camera_info_model(frame.size)
+        self._told = news
+        if isinstance(camera, CameraInfoModel):
+            model = camera
+            self._division.publish(camera_info_msg(header, frame))
+        else:
+            model = camera.to_camera_info_model(frame.size)
+            self._division.publish(camera_info_division_msg(header, frame, camera))
         self._camera_info.publish(camera_info_from_model_msg(header, frame, model))
         return model
+
+    def take_back(self, stamp: Time) -> None:
+        """Say that there is no such camera any more, if one was told."""
+        if self._told is not None:
+            _, frame_id, frame = self._told
+            nothing = camera_info_msg(Header(stamp=stamp, frame_id=frame_id), frame)
+            self._camera_info.publish(nothing)
+            self._division.publish(nothing)
+            self._told = None

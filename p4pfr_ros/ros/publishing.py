@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from p4pfr_ros import DivisionCamera, PoseEstimate
+from p4pfr_ros import PoseEstimate
 from p4pfr_ros.core.camera_info_model import CameraInfoModel
 from rclpy.node import Node
 
@@ -26,6 +26,7 @@ from .outputs import CameraOutputs, PoseOutputs
 from .pose_options import PoseNodeOptions
 from .scene import Scene
 from .seen_board import SeenBoard
+from .self_calibrating import Known
 from .targets import Target, Targets
 
 
@@ -45,6 +46,7 @@ class Publishing:
     """
 
     def __init__(self, node: Node, endpoints: Endpoints, targets: Targets) -> None:
+        self._node = node
         self._poses = {p: PoseOutputs(endpoints, p) for p in sorted(targets.prefixes)}
         self._cameras = CameraOutputs(endpoints)
         self._scene = Scene(node, endpoints)
@@ -64,9 +66,16 @@ class Publishing:
         self._scene.show(board, estimate, options)
 
     def tell(
-        self, board: SeenBoard, camera: DivisionCamera, options: PoseNodeOptions
+        self, board: SeenBoard, camera: Known | None, options: PoseNodeOptions
     ) -> CameraInfoModel | None:
-        """Publish a camera; return the model of it that was published."""
+        """Publish the camera that is in use, where that is news; return its published model."""
         # A camera of one frame is worth the fit of a model only if somebody waits for it.
         lasts = options.intrinsics.mode != PER_FRAME
-        return self._cameras.publish(board.header, board.frame, camera, latch=lasts)
+        if camera is not None and (lasts or self._cameras.is_heard()):
+            return self._cameras.tell(board.header, board.frame, camera)
+        self._cameras.take_back(board.header.stamp)
+        return None
+
+    def forget(self) -> None:
+        """Take back the camera that was told."""
+        self._cameras.take_back(self._node.get_clock().now().to_msg())

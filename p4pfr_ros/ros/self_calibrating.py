@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from p4pfr_ros import (
     CalibrationOptions,
@@ -34,6 +35,11 @@ from p4pfr_ros.core.geometry import Array
 
 from .rejections import Rejected
 
+Known = DivisionCamera | CameraInfoModel
+
+# Cameras of so many sizes of pictures are remembered.
+_MOST_SIZES = 8
+
 _CHANGED = Rejected(
     'camera_changed',
     'the camera has changed (zoom, focus, another lens): its calibration starts over',
@@ -43,6 +49,24 @@ _NO_CAMERA = Rejected(
     'intrinsics.mode fixed: set intrinsics.focal_px, or a calibration_file that there is, or '
     'choose self_calibrate until the camera is found',
 )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class News:
+    """
+    What a view has brought besides its pose.
+
+    camera
+        The one that is in use now, as far as it is known.
+    remark
+        What people should hear of.
+    restarted
+        Whether the camera was taken for another one than before.
+    """
+
+    camera: Known | None = None
+    remark: Rejected | None = None
+    restarted: bool = False
 
 
 class SelfCalibrating:
@@ -60,6 +84,9 @@ class SelfCalibrating:
         self._loaded = loaded
         self._calibration: SelfCalibration | None = None
         self._settings: tuple[RansacOptions, CalibrationOptions] | None = None
+        self._of_other_sizes: dict[tuple[int, int], CameraEstimate] = {}
+        if loaded is not None and loaded.estimate is not None:
+            self._of_other_sizes[loaded.image_size] = loaded.estimate
 
     @property
     def state(self) -> CalibrationState:
@@ -70,7 +97,8 @@ class SelfCalibrating:
     @property
     def knows_any(self) -> bool:
         """Whether a camera was loaded or has been found."""
-        return self._loaded is not None or self.fused is not None
+        known = self._of_other_sizes or self.fused is not None
+        return self._loaded is not None or bool(known)
 
     @property
     def fused(self) -> CameraEstimate | None:
@@ -84,82 +112,93 @@ class SelfCalibrating:
 
     def make_ready(
         self, image_size: tuple[int, int], robust: RansacOptions, options: CalibrationOptions
-    ) -> Rejected | None:
+    ) -> News:
         """Be ready for a view in a picture of a size; say whether that is another camera's."""
         before, settings = self._calibration, (robust, options)
-        if before is not None and before.image_size == image_size and settings == self._settings:
-            return None
-        self._settings = settings
-        if before is not None and before.image_size == image_size:
-            self._begin(image_size, before.fused)
-            return None
-        loaded = self._loaded
-        begins = loaded is not None and loaded.image_size == image_size
-        self._begin(image_size, loaded.estimate if loaded and begins else None)
-        return None if before is None else _other_size(before.image_size, image_size)
+        if before is None:
+            self._begin(image_size, settings)
+            return News(remark=self._not_of_this_size(image_size))
+        if before.image_size == image_size and settings == self._settings:
+            return News()
+        if before.fused is not None:
+            self._remember(before.image_size, before.fused)
+        self._begin(image_size, settings)
+        if before.image_size == image_size:
+            return News()
+        again = image_size in self._of_other_sizes
+        return News(remark=_other_size(before.image_size, image_size, again), restarted=True)
 
     def answer(
         self, image_points: Array, board_points: Array, stamp_ns: int
-    ) -> tuple[PoseEstimate, Callable[[], None]]:
+    ) -> tuple[PoseEstimate, Callable[[], News]]:
         """Answer a view; the call that is returned learns from it. ``make_ready`` comes first."""
         calibration = self._calibration
         assert calibration is not None
         sighting = calibration.look(image_points, board_points, stamp_ns)
+
+        def learn() -> News:
+            calibration.learn(sighting)
+            return self._news(calibration)
+
         early = calibration.early_answer(sighting)
         if early is not None:
-            return early, lambda: calibration.learn(sighting)
-        calibration.learn(sighting)
-        return calibration.answer(sighting), _nothing
+            return early, learn
+        news = learn()
+        return calibration.answer(sighting), lambda: news
 
-    def news(self) -> DivisionCamera | None:
-        """Return the camera if the last view has changed it."""
-        calibration = self._calibration
-        if calibration is None or calibration.fused is None:
-            return None
-        is_new = calibration.verdict in (Verdict.KEPT, Verdict.RESTARTED)
-        return calibration.fused.camera if is_new else None
-
-    def remark(self) -> Rejected | None:
-        """Say whether the last view was of another camera than those before it."""
-        calibration = self._calibration
-        changed = calibration is not None and calibration.verdict is Verdict.RESTARTED
-        return _CHANGED if changed else None
-
-    def known_camera(
-        self, image_size: tuple[int, int]
-    ) -> DivisionCamera | CameraInfoModel | Rejected:
+    def known_camera(self, image_size: tuple[int, int]) -> Known | Rejected:
         """Return the camera as it is known now, for who does not want it to change."""
         if self.image_size == image_size and self.fused is not None:
             return self.fused.camera
-        loaded = self._loaded
-        if loaded is None:
-            return _NO_CAMERA
-        if loaded.image_size != image_size:
-            return _other_size(loaded.image_size, image_size)
-        return loaded.model if loaded.estimate is None else loaded.estimate.camera
+        known, loaded = self._of_other_sizes.get(image_size), self._loaded
+        if known is not None:
+            return known.camera
+        if loaded is not None and loaded.image_size == image_size:
+            return loaded.model
+        return self._not_of_this_size(image_size) or _NO_CAMERA
 
     def reset(self) -> None:
         """Forget what was found, and what was loaded."""
         self._loaded = None
+        self._of_other_sizes.clear()
         if self._calibration is not None:
             self._calibration.reset()
 
-    def _begin(self, image_size: tuple[int, int], known: CameraEstimate | None) -> None:
-        assert self._settings is not None
-        robust, options = self._settings
+    def _begin(
+        self, image_size: tuple[int, int], settings: tuple[RansacOptions, CalibrationOptions]
+    ) -> None:
+        self._settings = robust, options = settings
         self._calibration = SelfCalibration(image_size, options=options, robust=robust)
+        known = self._of_other_sizes.get(image_size)
         if known is not None:
             self._calibration.adopt(known)
 
+    def _remember(self, image_size: tuple[int, int], estimate: CameraEstimate) -> None:
+        self._of_other_sizes.pop(image_size, None)
+        self._of_other_sizes[image_size] = estimate
+        if len(self._of_other_sizes) > _MOST_SIZES:
+            del self._of_other_sizes[next(iter(self._of_other_sizes))]
 
-def _nothing() -> None:
-    """Learn no more."""
+    def _news(self, calibration: SelfCalibration) -> News:
+        fused, restarted = calibration.fused, calibration.verdict is Verdict.RESTARTED
+        if restarted:  # so has what pictures of other sizes had told of it
+            self._of_other_sizes.clear()
+        camera = None if fused is None else fused.camera
+        return News(camera, _CHANGED if restarted else None, restarted)
+
+    def _not_of_this_size(self, image_size: tuple[int, int]) -> Rejected | None:
+        """Say that there is a camera, but not one of pictures of this size."""
+        known = [*self._of_other_sizes]
+        if self._loaded is not None:
+            known.append(self._loaded.image_size)
+        return None if image_size in known or not known else _other_size(known[-1], image_size)
 
 
-def _other_size(expected: tuple[int, int], got: tuple[int, int]) -> Rejected:
+def _other_size(expected: tuple[int, int], got: tuple[int, int], again: bool = False) -> Rejected:
     (w, h), (width, height) = expected, got
+    taken_for = 'the one of which pictures came before' if again else 'another one'
     return Rejected(
         'image_size',
         f'the camera was calibrated in pictures of {w}x{h} px, and now they are of '
-        f'{width}x{height}: taken for another one',
+        f'{width}x{height}: taken for {taken_for}',
     )

@@ -16,6 +16,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+import time
 
 import moving
 import numpy as np
@@ -47,19 +48,18 @@ class Kept:
         self.options = replaced(self.options, values)
 
     def learn(self, moments):
-        """Show it views."""
+        """Show it views; return what it remarks."""
         found = self.keeper.found
         robust, calibration = self.options.robust.ransac(), self.options.calibration.core()
+        remarks = []
         for moment in moments:
             found.make_ready(moving.SIZE, robust, calibration)
             _, learn = found.answer(moment.image_points, moving.BOARD.points, moment.index)
-            learn()
-            self.keeper.look_after(
-                scenes.header(moment.index),
-                FRAME,
-                self.options,
-                restarted=found.remark() is not None,
+            header, restarted = scenes.header(moment.index), learn().restarted
+            remarks.append(
+                self.keeper.look_after(header, FRAME, self.options, restarted=restarted)
             )
+        return [remark for remark in remarks if remark is not None]
 
 
 @pytest.fixture
@@ -112,6 +112,39 @@ def test_a_calibration_that_wavers_is_passed_on_once(path):
     kept.learn(moving.moments(35, 40))
     assert kept.keeper.found.state is CalibrationState.CALIBRATED
     assert len(kept.told) == 1
+
+
+def test_saving_may_be_asked_for_late(path):
+    """As a parameter that is changed while the node works."""
+    kept = Kept(path)
+    kept.learn(moving.moments(0, 40))
+    kept.set(save_when_calibrated=True)
+    kept.learn(moving.moments(40, 42))
+    assert path.exists()
+    assert len([line for line in kept.said if line.startswith('saved')]) == 1
+
+
+def test_what_could_not_be_saved_is_remarked_and_tried_again(tmp_path, monkeypatch):
+    """Not with each view, but after a while."""
+    (tmp_path / 'file').write_text('')
+    kept = Kept(tmp_path / 'file' / 'left.yaml', save_when_calibrated=True)
+    [remark] = kept.learn(moving.moments(0, 40))
+    assert remark.cause == 'not_saved'
+    assert str(tmp_path / 'file') in remark.reason
+    (tmp_path / 'file').unlink()
+    assert kept.learn(moving.moments(40, 42)) == []
+    assert not (tmp_path / 'file').exists()
+    now_s = time.monotonic()
+    monkeypatch.setattr(time, 'monotonic', lambda: now_s + 61.0)
+    assert kept.learn(moving.moments(42, 44)) == []
+    assert (tmp_path / 'file' / 'left.yaml').exists()
+
+
+def test_one_view_is_no_views(path):
+    """A line for people."""
+    kept = Kept(path)
+    kept.learn(moving.moments(0, 1))
+    assert kept.said[0].endswith(', 1 view')
 
 
 def test_nothing_is_saved_unasked(path):

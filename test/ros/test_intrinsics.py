@@ -132,14 +132,14 @@ def _sigma_m(answer):
     return float(np.sqrt(np.trace(answer.estimate.covariance[:3, :3])))
 
 
-def test_the_camera_is_told_when_a_view_has_changed_it():
-    """At views that were kept, and not at those that add nothing."""
+def test_the_camera_that_is_told_is_the_one_in_use():
+    """Another one after a view that has changed it, and the same after one that adds nothing."""
     modes = Modes()
     first = modes.learn(moving.moments(0, 10))
     assert first.camera == modes.found.fused.camera
     again = modes.answer(moving.moments(9, 10)[0])
-    assert again.camera is None
-    assert again.estimate.model.camera == modes.found.fused.camera
+    assert again.camera is first.camera
+    assert again.estimate.model.camera == first.camera
 
 
 def test_a_pose_by_a_known_camera_does_not_wait_for_what_is_learnt():
@@ -153,10 +153,7 @@ def test_a_pose_by_a_known_camera_does_not_wait_for_what_is_learnt():
         answer = modes.look(moment)
         assert answer.estimate.model.camera == before.camera
         assert modes.found.fused is before
-        news = answer.news()
-        if news.camera is not None:
-            told += 1
-            assert news.camera == modes.found.fused.camera != before.camera
+        told += answer.news().camera != before.camera
     assert told > 0
 
 
@@ -173,8 +170,48 @@ def test_pictures_of_another_size_are_of_another_camera():
     assert modes.found.image_size == (1280, 960)
     assert modes.found.state is not CalibrationState.CALIBRATED
     assert modes._intrinsics.answer(larger, SELF_CALIBRATE).news().remark is None
-    refused = modes._intrinsics.answer(view, FREEZE)
-    assert isinstance(refused, Rejected)
+    third = View(view.image_points, view.board_points, (800, 600), 11)
+    assert isinstance(modes._intrinsics.answer(third, FREEZE), Rejected)
+
+
+def test_a_size_that_comes_back_brings_its_camera_back():
+    """A second camera_info, or a driver that was started anew, costs no calibration."""
+    modes = Modes()
+    modes.learn(moving.moments(0, LEARNING))
+    before, moment = modes.found.fused, moving.moments(LEARNING, LEARNING + 1)[0]
+    view = moment.view
+    larger = View(2.0 * view.image_points + 0.5, view.board_points, (1280, 960), 10)
+    assert modes._intrinsics.answer(larger, SELF_CALIBRATE).news().restarted
+    again = modes.answer(moment)
+    assert again.estimate.model.camera == before.camera
+    assert again.remark.reason.endswith('taken for the one of which pictures came before')
+    for width in range(641, 660):
+        other = View(view.image_points, view.board_points, (width, 480), 10)
+        modes._intrinsics.answer(other, SELF_CALIBRATE).news()
+    assert len(modes.found._of_other_sizes) <= 8
+
+
+def test_a_loaded_calibration_of_another_size_is_remarked_upon(learned):
+    """It is not taken, and nothing has started over."""
+    found = Calibration.from_estimate(learned.found.fused, (1280, 960), 'left')
+    modes = Modes(found)
+    news = modes.look(moving.moments(0, 1)[0]).news()
+    assert news.remark.cause == 'image_size'
+    assert '1280x960' in news.remark.reason
+    assert not news.restarted
+    assert modes.answer(moving.moments(1, 2)[0]).remark is None
+
+
+def test_of_two_boards_in_a_picture_the_first_may_tell_of_the_change():
+    """The second agrees with the new camera; what the first has brought is not lost by that."""
+    modes = Modes()
+    modes.learn(moving.moments(0, LEARNING))
+    causes = []
+    for moment in moving.moments(LEARNING, 2 * LEARNING, moving.ZOOMED):
+        answers = [modes.look(moment), modes.look(moment)]
+        remarks = [answer.news().remark for answer in answers]
+        causes += [remark.cause for remark in remarks if remark is not None]
+    assert 'camera_changed' in causes
 
 
 def test_fixed_freezes_the_camera_that_was_found(learned):
@@ -194,15 +231,14 @@ def test_fixed_without_a_camera_says_what_is_missing():
     assert 'calibration_file' in rejected.reason
 
 
-def test_fixed_tells_its_camera_once(learned):
-    """And again when it is another one."""
-    first, second, third = moving.moments(0, 3)
+def test_fixed_tells_its_camera():
+    """The one of the moment: parameters may change."""
+    first, second = moving.moments(0, 2)
     settings = fixed(moving.CAMERA)
     modes = Modes()
     assert modes.answer(first, settings).camera == moving.CAMERA
-    assert modes.answer(second, settings).camera is None
     other = replaced(settings, {'intrinsics.k': -0.2})
-    assert modes.answer(third, other).camera.k == -0.2
+    assert modes.answer(second, other).camera.k == -0.2
 
 
 @pytest.mark.parametrize('mode', ['camera_info', 'fixed'])
