@@ -24,14 +24,19 @@ from p4pfr_ros.core.geometry import Array
 # Of parameters (N, p): the model's values (N, m) and their derivatives (N, m, p).
 Model = Callable[[Array], tuple[Array, Array]]
 
-_FIRST_DAMPING = 1e-3
 # The Gaussian with the variance of a unit box, 1/12, as a tanh of the same slope: √(2/π) √12.
 _LARGEST_SLOPE = 2.76
 _DAMPING_AFTER_SUCCESS, _DAMPING_AFTER_FAILURE = 0.2, 10.0
 
 
 def fit_patches(
-    model: Model, start: Array, observed: Array, weights: Array, iterations: int
+    model: Model,
+    start: Array,
+    observed: Array,
+    weights: Array,
+    iterations: int,
+    *,
+    first_damping: float = 1e-3,
 ) -> tuple[Array, Array]:
     """
     Fit a model to each of N patches by Levenberg and Marquardt's method.
@@ -46,6 +51,8 @@ def fit_patches(
         What was seen, and how much each value counts.
     iterations
         Number of steps tried.
+    first_damping
+        Damping of the first step, as a part of the curvature: the larger, the smaller the step.
 
     Returns
     -------
@@ -55,7 +62,7 @@ def fit_patches(
     parameters = start.copy()
     values, slopes = model(parameters)
     cost = _cost(observed - values, weights)
-    damping = np.full(len(start), _FIRST_DAMPING)
+    damping = np.full(len(start), first_damping)
     for _ in range(iterations):
         step = _damped_step(observed - values, slopes, weights, damping)
         tried = parameters + step

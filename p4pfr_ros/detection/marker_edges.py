@@ -28,26 +28,37 @@ from numpy.typing import NDArray
 from p4pfr_ros.core.geometry import Array, Mask
 from p4pfr_ros.detection.fitting import fit_patches, sharpness
 
-# Samples along an edge and across it. Its ends, where the blur of the next edge begins, are left
-# out: so many pixels, but no less than this part of its length.
+# Rows of samples across an edge, and samples in a row. From row to row they are shifted by this
+# part of their spacing, the golden ratio: all rows together see an edge's place finely.
 _ALONG, _ACROSS = 24, 11
-_LEFT_OUT_PX, _LEFT_OUT_PART = 2.5, 0.03
+_SHIFT = 0.618034
+# An edge's ends, which blur bends towards the next edges, are left out: so many pixels, or so many
+# widths of the blur within these parts of its length.
+_LEFT_OUT_PX, _LEFT_OUT_WIDTHS = 2.5, 2.0
+_LEFT_OUT_PARTS = (0.03, 0.08)
 # A strip stays within the marker's black border. The first one is wide, to hold an edge that the
 # lens bends far off the straight line; the others follow the curve that the one before has found.
 _STRIP_IN_CELLS = 0.75
 _NARROWEST_PX = 1.5
 _WIDEST_PX = (30.0, 5.0, 5.0)
 _ITERATIONS = (10, 4, 4)
+# The first steps are short: long ones lose an edge that the lens bends far.
+_FIRST_DAMPING = 1e-2
 # On shorter edges the noise outweighs what a cubic describes better than a parabola, pixels.
 _SHORTEST_CUBIC_PX = 80.0
 _INTERSECTION_STEPS = 4
-# Edges that show no more contrast (grey levels) are no edges.
+# What a real edge shows: some contrast, in grey levels, brighter outside; and little else than the
+# model, as a part of the contrast.
 _LEAST_CONTRAST = 4.0
+_MOST_RESIDUAL = 0.5
+# A corner may move by half of a cell; where cells are small by a whole one, but no less and no
+# more than so many pixels.
+_MOST_MOVED_PX = (2.0, 3.0)
 
 
 def refine_markers(grey: NDArray[np.uint8], corners: Array, cells: int) -> Array:
     """
-    Refine the corners of markers.
+    Refine the corners of black markers on white.
 
     Parameters
     ----------
@@ -60,22 +71,25 @@ def refine_markers(grey: NDArray[np.uint8], corners: Array, cells: int) -> Array
 
     Returns
     -------
-    The corners (M, 4, 2), refined; a marker whose edges cannot be fitted keeps its corners.
+    The corners (M, 4, 2), refined; a marker of which an edge cannot be fitted keeps its corners.
 
     """
     if not len(corners):
         return corners
     edges = _Edges(corners)
-    curves = np.zeros((len(corners) * 4, 4))
+    curves, blur_px = np.zeros((len(corners) * 4, 4)), np.zeros(len(corners) * 4)
+    good: Mask = np.zeros(len(corners) * 4, dtype=bool)
     for widest_px, iterations in zip(_WIDEST_PX, _ITERATIONS, strict=True):
         strip_px = _strip_px(corners, cells, widest_px)
-        curves = _fit_once(grey, edges, curves, strip_px, iterations)
+        reach = _reach(edges, blur_px)
+        curves, blur_px, good = _fit_once(grey, edges, curves, reach, strip_px, iterations)
     refined = _meet(edges, curves).reshape(-1, 4, 2)
     # An edge that ran away took hold of something else.
-    side = 2.0 * edges.half_length.reshape(-1, 4).min(axis=1)
-    moved = np.linalg.norm(refined - corners, axis=2).max(axis=1)
-    good = moved < np.maximum(2.0, 0.5 * side / cells)
-    return np.where(good[:, None, None], refined, corners)
+    cell_px = 2.0 * edges.half_length.reshape(-1, 4).min(axis=1) / cells
+    moved_px = np.linalg.norm(refined - corners, axis=2).max(axis=1)
+    near = moved_px < np.maximum(np.clip(cell_px, *_MOST_MOVED_PX), 0.5 * cell_px)
+    fitted = near & good.reshape(-1, 4).all(axis=1)
+    return np.where(fitted[:, None, None], refined, corners)
 
 
 class _Edges:
@@ -113,24 +127,60 @@ def _strip_px(corners: Array, cells: int, widest_px: float) -> Array:
     return strip
 
 
+def _reach(edges: _Edges, blur_px: Array) -> Array:
+    """Return how far from its middle, in half lengths, each edge (M * 4,) is looked at."""
+    length_px = 2.0 * edges.half_length
+    by_blur = np.clip(_LEFT_OUT_WIDTHS * blur_px / length_px, *_LEFT_OUT_PARTS)
+    left_out = np.maximum(_LEFT_OUT_PX / length_px, by_blur)
+    reach: Array = np.maximum(1.0 - 2.0 * left_out, 0.5)
+    return reach
+
+
 def _fit_once(
-    grey: NDArray[np.uint8], edges: _Edges, curves: Array, strip_px: Array, iterations: int
-) -> Array:
-    """Return better curves (M * 4, 4), fitted in a strip around the given ones."""
-    left_out = np.maximum(0.5 * _LEFT_OUT_PX / edges.half_length, _LEFT_OUT_PART)
-    u, v = np.meshgrid(np.linspace(-1, 1, _ALONG), np.linspace(-1, 1, _ACROSS), indexing='ij')
-    us = np.maximum(1.0 - 2.0 * left_out, 0.5)[:, None] * u.ravel()
-    vs_px = strip_px[:, None] * v.ravel() + _curve(curves, us)
+    grey: NDArray[np.uint8],
+    edges: _Edges,
+    curves: Array,
+    reach: Array,
+    strip_px: Array,
+    iterations: int,
+) -> tuple[Array, Array, Mask]:
+    """
+    Return better curves (M * 4, 4), fitted in a strip around the given ones.
+
+    With them come the widths (M * 4,) of the edges' blur, pixels, and whether what the strips
+    show (M * 4,) looks like an edge.
+    """
+    u, v = _samples()
+    us = reach[:, None] * u
+    vs_px = strip_px[:, None] * v + _curve(curves, us)
     levels, inside = _levels_at(grey, edges.places(us, vs_px))
     is_cubic = 2.0 * edges.half_length > _SHORTEST_CUBIC_PX
 
     def model(parameters: Array) -> tuple[Array, Array]:
         return _edge(parameters, us, vs_px, is_cubic)
 
-    start = _start(curves, levels, v.ravel() > 0.0, strip_px)
-    fitted, _ = fit_patches(model, start, levels, inside, iterations)
-    found = np.abs(fitted[:, 6]) > _LEAST_CONTRAST
-    return np.where(found[:, None], fitted[:, :4], curves)
+    start = _start(curves, levels, v > 0.0, strip_px)
+    fitted, rms = fit_patches(
+        model, start, levels, inside, iterations, first_damping=_FIRST_DAMPING
+    )
+    contrast = fitted[:, 6]
+    found = contrast > _LEAST_CONTRAST
+    good = found & (rms < _MOST_RESIDUAL * contrast)
+    blur_px = np.where(found, 1.0 / sharpness(fitted[:, 4])[0], 0.0)
+    return np.where(found[:, None], fitted[:, :4], curves), blur_px, good
+
+
+def _samples() -> tuple[Array, Array]:
+    """
+    Return where in a strip samples are taken, u along and v across (m,), from -1 to 1.
+
+    Were the rows alike, a sharp edge would lie between the same two samples of all of them, and
+    nothing would tell where.
+    """
+    u = np.repeat(np.linspace(-1.0, 1.0, _ALONG), _ACROSS)
+    shift = _SHIFT * np.arange(_ALONG) % 1.0
+    v = 2.0 / _ACROSS * (np.arange(_ACROSS) + shift[:, None]) - 1.0
+    return u, v.ravel()
 
 
 def _curve(curves: Array, u: Array) -> Array:
