@@ -25,22 +25,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from p4pfr_ros.files import ConfigError
 from rclpy.client import Client
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
+
+from .qos_overrides import overridable, PUBLISHER, SUBSCRIPTION
 
 _SENSOR_DEPTH = 5
 _OUTPUT_DEPTH = 10
-_OVERRIDABLE = (
-    QoSPolicyKind.HISTORY,
-    QoSPolicyKind.DEPTH,
-    QoSPolicyKind.RELIABILITY,
-    QoSPolicyKind.DURABILITY,
-)
 
 
 def subscribe(
@@ -50,10 +47,18 @@ def subscribe(
     callback: Callable[[Any], None],
     depth: int = _SENSOR_DEPTH,
 ) -> Subscription:
-    """Subscribe to a sensor's data; ``depth`` messages may wait, the oldest is dropped first."""
+    """
+    Subscribe to a sensor's data; ``depth`` messages may wait, the oldest is dropped first.
+
+    Raises
+    ------
+    ConfigError
+        The user overrides a policy by a value that it cannot have.
+
+    """
     # Overrides are written into the profile: each endpoint needs one of its own.
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-    overrides = QoSOverridingOptions(_OVERRIDABLE)
+    overrides = overridable(node, topic, SUBSCRIPTION)
     return node.create_subscription(
         message_type, topic, callback, qos, qos_overriding_options=overrides
     )
@@ -62,11 +67,19 @@ def subscribe(
 def advertise(
     node: Node, message_type: type[Any], topic: str, *, latched: bool = False
 ) -> Publisher:
-    """Make a reliable publisher; a latched one tells its last message to whoever comes late."""
+    """
+    Make a reliable publisher; a latched one tells its last message to whoever comes late.
+
+    Raises
+    ------
+    ConfigError
+        The user overrides a policy by a value that it cannot have.
+
+    """
     qos = QoSProfile(depth=_OUTPUT_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
     if latched:
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    overrides = QoSOverridingOptions(_OVERRIDABLE)
+    overrides = overridable(node, topic, PUBLISHER)
     return node.create_publisher(message_type, topic, qos, qos_overriding_options=overrides)
 
 
@@ -112,9 +125,24 @@ class Endpoints:
         made = self._node.create_service(service_type, name, callback)
         self._destroyers.append(lambda: self._node.destroy_service(made))
 
-    def client(self, service_type: type[Any], name: str) -> Client:
-        """Make the client of somebody's service."""
-        made = self._node.create_client(service_type, name)
+    def client(self, service_type: type[Any], name: str, *, parameter: str) -> Client:
+        """
+        Make the client of somebody's service.
+
+        Raises
+        ------
+        ConfigError
+            No service can have that name: names the node, and the parameter that says it.
+
+        """
+        try:
+            made = self._node.create_client(service_type, name)
+        except (NameValidationException, ValueError) as error:  # an unknown {substitution}
+            why = str(error).splitlines()[0].removeprefix('Invalid service name: ')
+            raise ConfigError(
+                f'{self._node.get_name()}: {parameter}: expected the name of a service, '
+                f'got {name!r}: {why.rstrip(":")}'
+            ) from None
         self._destroyers.append(lambda: self._node.destroy_client(made))
         return made
 
@@ -123,6 +151,10 @@ class Endpoints:
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         made = self._node.create_timer(period_s, callback, clock=steady)
         self._destroyers.append(lambda: self._node.destroy_timer(made))
+
+    def add(self, destroy: Callable[[], object]) -> None:
+        """Take along something that was made elsewhere: ``destroy`` takes it down."""
+        self._destroyers.append(destroy)
 
     def close(self) -> None:
         """Take all of them down, the last one first."""

@@ -96,14 +96,16 @@ class CameraOutputs:
         """Return whether anybody listens."""
         return is_heard(self._camera_info, self._division)
 
-    def tell(self, header: Header, frame: ImageFrame, camera: Known) -> CameraInfoModel | None:
+    def tell(
+        self, header: Header, frame: ImageFrame, camera: Known, *, again: bool
+    ) -> CameraInfoModel | None:
         """
-        Publish a camera, if it is not the one that was told last; return its published model.
+        Publish a camera, again or if it was not told last; return its published model.
 
         A division camera is told as it is, and in a model that image_proc knows.
         """
         news = camera, header.frame_id, frame
-        if news == self._told:
+        if news == self._told and not again:
             return None
         self._told = news
         if isinstance(camera, CameraInfoModel):

@@ -21,7 +21,7 @@ itself is a group: ``options.marker.size_m`` is the parameter ``marker.size_m``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 import dataclasses
 from difflib import get_close_matches
 from typing import Any, Generic, TypeVar
@@ -40,7 +40,7 @@ from rclpy.parameter import Parameter
 Options = TypeVar('Options')
 Value = TypeVar('Value', bool, int, float, str)
 
-# What ROS itself declares on any node.
+# What ROS itself declares on any node; qos_overrides.py looks after the overrides.
 _OF_ROS = ('use_sim_time', 'qos_overrides.', 'start_type_description_service')
 
 
@@ -104,6 +104,22 @@ def replaced(options: Options, values: Mapping[str, Any]) -> Options:
     return new
 
 
+def given_parameters(node: Node) -> Mapping[str, Parameter]:
+    """Return what a node was given at its start, by names, be it declared or not."""
+    # rclpy keeps it where a node's subclasses can see it, and has no public way to it.
+    given: Mapping[str, Parameter] = getattr(node, '_parameter_overrides', {})
+    return given
+
+
+def warn_of_unknown(node: Node, given: Iterable[str], known: Collection[str]) -> None:
+    """Say which names are none of the known ones: misspelt, most likely."""
+    for name in given:
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            hint = f' (did you mean {near[0]}?)' if near else ''
+            node.get_logger().warning(f'unknown parameter {name} is ignored{hint}')
+
+
 class Parameters(Generic[Options]):
     """
     Declares a node's parameters, validates each change with a reason, and holds their values.
@@ -126,7 +142,8 @@ class Parameters(Generic[Options]):
             self.options = replaced(defaults, values)
         except ConfigError as error:
             raise ConfigError(f'{node.get_name()}: {error}') from None
-        self._warn_of_unknown()
+        given = [name for name in given_parameters(node) if not name.startswith(_OF_ROS)]
+        warn_of_unknown(node, given, self._names)
         node.add_on_set_parameters_callback(self._validate)
         node.add_post_set_parameters_callback(self._take)
 
@@ -154,15 +171,6 @@ class Parameters(Generic[Options]):
             is_type = isinstance(error, InvalidParameterTypeException)
             hint = ' (write 1.0, not 1)' if is_type and isinstance(default, float) else ''
             raise ConfigError(f'{name}: {error}{hint}') from None
-
-    def _warn_of_unknown(self) -> None:
-        """Say which values were given for parameters that there are not: misspelt, most likely."""
-        # rclpy keeps what a node was given where its subclasses can see it, and says nothing.
-        for name in getattr(self._node, '_parameter_overrides', {}):
-            if name not in self._names and not name.startswith(_OF_ROS):
-                near = get_close_matches(name, self._names, n=1)
-                hint = f' (did you mean {near[0]}?)' if near else ''
-                self._node.get_logger().warning(f'unknown parameter {name} is ignored{hint}')
 
     def _validate(self, changes: list[Parameter]) -> SetParametersResult:
         try:

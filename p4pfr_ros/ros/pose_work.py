@@ -68,16 +68,21 @@ class PoseWork:
         config.guard(self._check)
         # What stays until the end, and what comes and goes.
         self._lasting, self._passing = Endpoints(node), Endpoints(node)
-        self._reports = Reports(node, self._lasting, options.camera_name)
-        self._setter = CameraInfoSetter(
-            self._lasting, options.set_camera_info_service, lambda text: _say(node, text)
-        )
-        publishing = Publishing(node, self._lasting, targets)
-        self._answering = Answering(self._keeper, publishing, self._reports)
-        self._inputs = Inputs(targets, config, self._on_found)
-        Services(node, self._lasting, self._keeper.save, self._keeper.reset)
-        # Nobody's first message shall wait for the compiler.
-        warm_up()
+        try:
+            self._reports = Reports(node, self._lasting, options.camera_name)
+            self._setter = CameraInfoSetter(
+                self._lasting, options.set_camera_info_service, lambda text: _say(node, text)
+            )
+            publishing = Publishing(node, self._lasting, targets)
+            self._answering = Answering(self._keeper, publishing, self._reports)
+            self._inputs = Inputs(targets, config, self._on_found)
+            Services(node, self._lasting, self._keeper.save, self._answering.reset)
+            # Nobody's first message shall wait for the compiler.
+            warm_up()
+        except Exception:
+            # Nobody could take down what is only half there.
+            self.close()
+            raise
 
     def start(self) -> None:
         """Begin to listen."""
@@ -110,7 +115,10 @@ class PoseWork:
 
     def _check(self, options: PoseNodeOptions) -> None:
         """Refuse the mode fixed while there is no camera."""
-        given = options.intrinsics
+        given, now = options.intrinsics, self._config.options
+        # A camera may have been forgotten since: what has nothing to do with it can be changed.
+        if options is not now and given == now.intrinsics:
+            return
         if given.mode == FIXED and given.focal_px == 0.0 and not self._keeper.found.knows_any:
             raise ConfigError(
                 'intrinsics.focal_px: expected > 0 in the mode fixed, or a calibration_file that '

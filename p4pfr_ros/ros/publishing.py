@@ -72,7 +72,7 @@ class Publishing:
         # A camera of one frame is worth the fit of a model only if somebody waits for it.
         lasts = options.intrinsics.mode != PER_FRAME
         if camera is not None and (lasts or self._cameras.is_heard()):
-            return self._cameras.tell(board.header, board.frame, camera)
+            return self._cameras.tell(board.header, board.frame, camera, again=not lasts)
         self._cameras.take_back(board.header.stamp)
         return None
 

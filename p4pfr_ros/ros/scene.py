@@ -41,7 +41,7 @@ class Scene:
     """
 
     def __init__(self, node: Node, endpoints: Endpoints) -> None:
-        self._node = node
+        self._node, self._endpoints = node, endpoints
         self._markers = endpoints.advertise(MarkerArray, '~/markers')
         self._transforms: Transforms | None = None
 
@@ -56,7 +56,7 @@ class Scene:
         model, seen = estimate.model, estimate.observable
         if options.publish_tf and model is not None and seen.direction and seen.distance:
             if self._transforms is None:
-                self._transforms = Transforms(self._node)
+                self._transforms = Transforms(self._node, self._endpoints)
             board_frame = board.target.frame(options.board_frame)
             self._transforms.send(
                 board.header, board_frame, model.camera_from_board, options.invert_tf

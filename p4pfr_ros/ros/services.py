@@ -90,10 +90,18 @@ class CameraInfoSetter:
     say
         Takes a line for people.
 
+    Raises
+    ------
+    ConfigError
+        No service can have that name.
+
     """
 
     def __init__(self, endpoints: Endpoints, service: str, say: Callable[[str], object]) -> None:
-        self._client: Any = endpoints.client(SetCameraInfo, service) if service else None
+        self._client: Any = None
+        if service:
+            parameter = 'set_camera_info_service'
+            self._client = endpoints.client(SetCameraInfo, service, parameter=parameter)
         self._service, self._say = service, say
         self._to_tell: CameraInfo | None = None
 

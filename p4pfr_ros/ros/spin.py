@@ -26,15 +26,21 @@ import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
+from .qos_overrides import warn_of_unknown_overrides
+
 # After which a signal that came at a bad moment is tried again.
 _AGAIN_S = 0.02
 
 
-def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> None:
+def run(
+    make_node: Callable[[], Node], args: Sequence[str] | None = None, *, complete: bool = True
+) -> None:
     """
     Make a node and spin it until SIGINT or SIGTERM, which are a clean end: exit status 0.
 
     What the user has configured wrongly (``ConfigError``) is said in one line: exit status 1.
+    A node that is ``complete`` has all its endpoints when it is made, so overrides of other ones
+    are warned of.
     """
     interrupt = _Interrupt()
     node: Node | None = None
@@ -43,6 +49,8 @@ def run(make_node: Callable[[], Node], args: Sequence[str] | None = None) -> Non
         executor = SingleThreadedExecutor()
         with interrupt:
             node = make_node()
+            if complete:
+                warn_of_unknown_overrides(node)
             rclpy.spin(node, executor)
     except (SystemExit, ExternalShutdownException):
         pass

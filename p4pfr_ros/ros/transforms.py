@@ -23,6 +23,7 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 
 from .conversions.poses import transform_msg
+from .endpoints import Endpoints
 
 
 class Transforms:
@@ -30,11 +31,23 @@ class Transforms:
     Broadcasts poses of boards on /tf.
 
     Where ``tf2_ros`` is missing, one line of the node's log says so, and nothing is sent.
+
+    Parameters
+    ----------
+    node
+        Whose /tf it is.
+    endpoints
+        Takes its publisher down.
+
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, endpoints: Endpoints) -> None:
         self._logger = node.get_logger()
         self._broadcaster = _broadcaster(node)
+        if self._broadcaster is not None:
+            # A broadcaster has no way to take down the publisher that it has made.
+            publisher = self._broadcaster.pub_tf
+            endpoints.add(lambda: node.destroy_publisher(publisher))
 
     def send(
         self, header: Header, child_frame: str, camera_from_board: Pose, inverse: bool = False

@@ -31,11 +31,16 @@ def test_a_camera_info_that_was_said_once_is_heard(peer):
     override = f'qos_overrides.{peer.namespace}/camera_info.subscription'
     poses = peer.listen(PoseStamped, 'pose_node/pose')
     cloud = peer.publisher(PointCloud2, 'correspondences')
-    peer.start(
+    misspelt = f'{override}.depht'
+    node = peer.start(
         'pose_node',
         parameters={
             f'{override}.durability': 'transient_local',
             f'{override}.reliability': 'reliable',
+            misspelt: 9,
         },
     )
     peer.until(lambda: poses, meanwhile=lambda: cloud.publish(scenes.board_cloud(1)))
+    hint = f'(did you mean {override}.depth?)'
+    assert node.output.count('unknown parameter') == 1
+    assert f'unknown parameter {misspelt} is ignored {hint}' in node.output

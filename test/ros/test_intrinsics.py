@@ -14,70 +14,14 @@
 
 """The modes without a node: how good poses get, what changes are noticed, what is refused."""
 
-from typing import NamedTuple
-
+from modes import fixed, FREEZE, LEARNING, Modes, NO_CAMERA_INFO, options, SELF_CALIBRATE
 import moving
 import numpy as np
-from p4pfr_ros import CalibrationState, DivisionCamera, PoseEstimate
+from p4pfr_ros import CalibrationState
 from p4pfr_ros.calibration_file import Calibration
 from p4pfr_ros.core.geometry import rotation_angle_rad
-from p4pfr_ros.ros.intrinsics import Intrinsics, View
-from p4pfr_ros.ros.options import PoseNodeOptions
 from p4pfr_ros.ros.parameters import replaced
-from p4pfr_ros.ros.rejections import Rejected
-from p4pfr_ros.ros.self_calibrating import SelfCalibrating
 import pytest
-
-NO_CAMERA_INFO = Rejected('no_camera_info', 'none has come')
-LEARNING = 60
-
-
-def options(mode, **values):
-    """Return pose_node's options in a mode."""
-    named = {name.replace('__', '.'): value for name, value in values.items()}
-    return replaced(PoseNodeOptions(), {'intrinsics.mode': mode} | named)
-
-
-def fixed(camera):
-    """Return the options of the mode fixed with a camera."""
-    x, y = camera.center_px
-    values = {'intrinsics__focal_px': camera.focal_px, 'intrinsics__k': camera.k}
-    return options('fixed', image__center_x_px=x, image__center_y_px=y, **values)
-
-
-SELF_CALIBRATE, FREEZE = options('self_calibrate'), options('fixed')
-
-
-class Answered(NamedTuple):
-    """A moment's answer, and what it has brought besides."""
-
-    estimate: PoseEstimate
-    camera: DivisionCamera | None
-    remark: Rejected | None
-
-
-class Modes:
-    """The modes of one node, and the camera that it finds."""
-
-    def __init__(self, loaded=None, model=NO_CAMERA_INFO):
-        self.found = SelfCalibrating(loaded)
-        self._intrinsics = Intrinsics(self.found, lambda: model)
-
-    def look(self, moment, settings=SELF_CALIBRATE):
-        """Answer one moment; nothing may have been learnt from it yet."""
-        return self._intrinsics.answer(moment.view, settings)
-
-    def answer(self, moment, settings=SELF_CALIBRATE):
-        """Answer one moment, and learn from it."""
-        answer = self.look(moment, settings)
-        if isinstance(answer, Rejected):
-            return answer
-        news = answer.news()
-        return Answered(answer.estimate, news.camera, news.remark)
-
-    def learn(self, moments, settings=SELF_CALIBRATE):
-        """Answer many; return the last answer."""
-        return [self.answer(moment, settings) for moment in moments][-1]
 
 
 @pytest.fixture(scope='module')
@@ -155,51 +99,6 @@ def test_a_pose_by_a_known_camera_does_not_wait_for_what_is_learnt():
         assert modes.found.fused is before
         told += answer.news().camera != before.camera
     assert told > 0
-
-
-def test_pictures_of_another_size_are_of_another_camera():
-    """It is said, and the calibration begins anew."""
-    modes = Modes()
-    modes.learn(moving.moments(0, 10))
-    view = moving.moments(10, 11)[0].view
-    larger = View(2.0 * view.image_points + 0.5, view.board_points, (1280, 960), 10)
-    remark = modes._intrinsics.answer(larger, SELF_CALIBRATE).news().remark
-    assert remark.cause == 'image_size'
-    assert '640x480' in remark.reason
-    assert '1280x960' in remark.reason
-    assert modes.found.image_size == (1280, 960)
-    assert modes.found.state is not CalibrationState.CALIBRATED
-    assert modes._intrinsics.answer(larger, SELF_CALIBRATE).news().remark is None
-    third = View(view.image_points, view.board_points, (800, 600), 11)
-    assert isinstance(modes._intrinsics.answer(third, FREEZE), Rejected)
-
-
-def test_a_size_that_comes_back_brings_its_camera_back():
-    """A second camera_info, or a driver that was started anew, costs no calibration."""
-    modes = Modes()
-    modes.learn(moving.moments(0, LEARNING))
-    before, moment = modes.found.fused, moving.moments(LEARNING, LEARNING + 1)[0]
-    view = moment.view
-    larger = View(2.0 * view.image_points + 0.5, view.board_points, (1280, 960), 10)
-    assert modes._intrinsics.answer(larger, SELF_CALIBRATE).news().restarted
-    again = modes.answer(moment)
-    assert again.estimate.model.camera == before.camera
-    assert again.remark.reason.endswith('taken for the one of which pictures came before')
-    for width in range(641, 660):
-        other = View(view.image_points, view.board_points, (width, 480), 10)
-        modes._intrinsics.answer(other, SELF_CALIBRATE).news()
-    assert len(modes.found._of_other_sizes) <= 8
-
-
-def test_a_loaded_calibration_of_another_size_is_remarked_upon(learned):
-    """It is not taken, and nothing has started over."""
-    found = Calibration.from_estimate(learned.found.fused, (1280, 960), 'left')
-    modes = Modes(found)
-    news = modes.look(moving.moments(0, 1)[0]).news()
-    assert news.remark.cause == 'image_size'
-    assert '1280x960' in news.remark.reason
-    assert not news.restarted
-    assert modes.answer(moving.moments(1, 2)[0]).remark is None
 
 
 def test_of_two_boards_in_a_picture_the_first_may_tell_of_the_change():

@@ -61,8 +61,10 @@ class Manager:
 
 def test_it_listens_while_it_is_active(peer):
     """Through all states and back; what is passed over is not answered later."""
-    manager = Manager(peer, **{'image.width_px': 640, 'image.height_px': 480})
+    override = {f'qos_overrides.{peer.namespace}/correspondences.subscription.depth': 9}
+    manager = Manager(peer, **{'image.width_px': 640, 'image.height_px': 480} | override)
     assert manager.state() == 'unconfigured'
+    assert not manager.change(Transition.TRANSITION_ACTIVATE)
     assert manager.change(Transition.TRANSITION_CONFIGURE)
     assert manager.state() == 'inactive'
     assert not manager.is_listened_to()
@@ -76,10 +78,12 @@ def test_it_listens_while_it_is_active(peer):
     assert manager.change(Transition.TRANSITION_CONFIGURE)
     assert manager.change(Transition.TRANSITION_ACTIVATE)
     assert_close(manager.pose(), scenes.CAMERA_FROM_BOARD)
+    assert not manager.change(Transition.TRANSITION_CLEANUP)
     assert manager.change(Transition.TRANSITION_ACTIVE_SHUTDOWN)
     assert manager.state() == 'finalized'
     assert manager.node.stop() == 0
     assert 'Traceback' not in manager.node.output
+    assert 'unknown parameter' not in manager.node.output
 
 
 def test_a_wrong_file_keeps_it_unconfigured(peer, tmp_path):

@@ -54,13 +54,15 @@ def heard_late(peer):
 
 def test_who_comes_late_hears_of_the_camera_in_use(peer, outputs):
     """Each is told once; one that was taken back is none any more: K = 0."""
-    model = outputs.tell(scenes.header(1), FRAME, moving.CAMERA)
-    assert outputs.tell(scenes.header(2), FRAME, moving.CAMERA) is None
+    model = outputs.tell(scenes.header(1), FRAME, moving.CAMERA, again=False)
+    assert outputs.tell(scenes.header(2), FRAME, moving.CAMERA, again=False) is None
     info, division = heard_late(peer)
     assert (info.header.stamp.sec, division.header.stamp.sec) == (1, 1)
     assert (info.distortion_model, tuple(info.d)) == (model.distortion_model, model.coefficients)
     assert division_camera_from_msg(division) == moving.CAMERA
-    outputs.tell(scenes.header(3), FRAME, moving.ZOOMED)
+    assert outputs.tell(scenes.header(2), FRAME, moving.CAMERA, again=True) is not None
+    assert heard_late(peer)[0].header.stamp.sec == 2
+    outputs.tell(scenes.header(3), FRAME, moving.ZOOMED, again=False)
     assert division_camera_from_msg(heard_late(peer)[1]) == moving.ZOOMED
     outputs.take_back(scenes.header(4).stamp)
     for msg in heard_late(peer):
@@ -68,15 +70,15 @@ def test_who_comes_late_hears_of_the_camera_in_use(peer, outputs):
         assert (msg.width, msg.height, sum(msg.k)) == (640, 480, 0.0)
     outputs.take_back(scenes.header(5).stamp)
     assert heard_late(peer)[0].header.stamp.sec == 4
-    assert outputs.tell(scenes.header(6), FRAME, moving.ZOOMED) is not None
+    assert outputs.tell(scenes.header(6), FRAME, moving.ZOOMED, again=False) is not None
 
 
 def test_a_model_of_another_program_is_told_as_it_is(peer, outputs):
     """There is no division camera then; and another size of the picture is news."""
     model = moving.CAMERA.to_camera_info_model(moving.SIZE)
-    assert outputs.tell(scenes.header(1), FRAME, model) is model
+    assert outputs.tell(scenes.header(1), FRAME, model, again=False) is model
     info, division = heard_late(peer)
     assert tuple(info.d) == model.coefficients
     assert sum(division.k) == 0.0
-    assert outputs.tell(scenes.header(2), LARGER, moving.CAMERA) is not None
-    assert outputs.tell(scenes.header(3), FRAME, moving.CAMERA) is not None
+    assert outputs.tell(scenes.header(2), LARGER, moving.CAMERA, again=False) is not None
+    assert outputs.tell(scenes.header(3), FRAME, moving.CAMERA, again=False) is not None

@@ -153,6 +153,7 @@ def test_a_zoom_starts_the_calibration_over(robot):
     zoomed = division_camera_from_msg(robot.latched()[1])
     assert zoomed.focal_px == pytest.approx(moving.ZOOMED.focal_px, rel=0.01)
     assert robot.call(Trigger, 'reset_calibration').success
+    assert [sum(info.k) for info in robot.latched()] == [0.0, 0.0]
     result = set_parameters(
         robot.peer, {'intrinsics.mode': 'fixed', 'intrinsics.focal_px': 0.0}, refused=True
     )

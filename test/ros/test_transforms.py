@@ -17,9 +17,11 @@
 import sys
 from types import ModuleType
 
+from geometry_msgs.msg import TransformStamped
 import numpy as np
 from p4pfr_ros import Pose
 from p4pfr_ros.ros.conversions.poses import transform_msg
+from p4pfr_ros.ros.endpoints import Endpoints
 from p4pfr_ros.ros.transforms import Transforms
 import pytest
 import rclpy
@@ -62,6 +64,7 @@ class _Broadcaster:
     """Stands in for tf2_ros's own, which only a ROS installation has; it keeps what it is sent."""
 
     def __init__(self, node):
+        self.pub_tf = node.create_publisher(TransformStamped, '/tf_stand_in', 100)
         self.sent = node.sent = []
 
     def sendTransform(self, transform):  # its name there
@@ -92,7 +95,7 @@ def tf2_ros(monkeypatch):
 
 def test_poses_are_broadcast(node, tf2_ros):
     """In the way that was asked for."""
-    transforms = Transforms(node)
+    transforms = Transforms(node, Endpoints(node))
     transforms.send(scenes.header(3), 'board', POSE)
     transforms.send(scenes.header(4), 'board', POSE, inverse=True)
     assert node.sent == [
@@ -102,10 +105,21 @@ def test_poses_are_broadcast(node, tf2_ros):
     assert not node.said
 
 
+def test_its_publisher_is_taken_down_with_the_others(node, tf2_ros):
+    """As often as it is made: a node that is configured again has one."""
+    before = [publisher.topic_name for publisher in node.publishers]
+    for _ in range(2):
+        endpoints = Endpoints(node)
+        Transforms(node, endpoints)
+        assert [p.topic_name for p in node.publishers] == [*before, '/tf_stand_in']
+        endpoints.close()
+        assert [p.topic_name for p in node.publishers] == before
+
+
 @pytest.mark.parametrize('frame_id', ['', 'board'])
 def test_a_transform_that_no_listener_takes_is_not_sent(node, tf2_ros, frame_id):
     """A frame without a name, and one that is its own parent."""
-    Transforms(node).send(scenes.header(3, frame_id), 'board', POSE)
+    Transforms(node, Endpoints(node)).send(scenes.header(3, frame_id), 'board', POSE)
     assert not node.sent
     ((severity, text),) = node.said
     assert severity == LoggingSeverity.WARN
@@ -115,7 +129,7 @@ def test_a_transform_that_no_listener_takes_is_not_sent(node, tf2_ros, frame_id)
 def test_without_tf2_ros_one_line_says_so(node, monkeypatch):
     """And that is all: poses are sent in vain, without a word."""
     monkeypatch.setitem(sys.modules, 'tf2_ros', None)
-    transforms = Transforms(node)
+    transforms = Transforms(node, Endpoints(node))
     transforms.send(scenes.header(3), 'board', POSE)
     transforms.send(scenes.header(3, ''), 'board', POSE)
     assert [text for _, text in node.said] == [

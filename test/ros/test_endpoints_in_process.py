@@ -1,0 +1,166 @@
+# Copyright 2026 p4pfr_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a user may say of a node's endpoints, and how they are made; in process."""
+
+import time
+
+from p4pfr_ros.files import ConfigError
+from p4pfr_ros.ros.endpoints import Endpoints
+from p4pfr_ros.ros.qos_overrides import warn_of_unknown_overrides
+from p4pfr_ros.ros.services import CameraInfoSetter
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from std_msgs.msg import Header
+
+PATIENCE_S = 20.0
+MAKERS = {
+    'subscription': lambda endpoints: endpoints.subscribe(Header, 'topic', lambda _: None),
+    'publisher': lambda endpoints: endpoints.advertise(Header, 'topic', latched=True),
+}
+over_kinds = pytest.mark.parametrize('kind', MAKERS)
+
+
+@pytest.fixture
+def make(dds, monkeypatch):
+    """Make nodes with parameters, whose log is kept."""
+    nodes = []
+
+    def make(parameters, **options):
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        options = {'namespace': '/ours', 'parameter_overrides': overrides} | options
+        node = rclpy.create_node('with_endpoints', **options)
+        nodes.append(node)
+        said = node.said = []
+        monkeypatch.setattr(
+            type(node.get_logger()), 'log', lambda _, text, severity, **__: said.append(text)
+        )
+        return node
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+
+
+def _qos(node, kind):
+    """Return the QoS that an endpoint of the topic has for others."""
+    infos = {
+        'subscription': node.get_subscriptions_info_by_topic,
+        'publisher': node.get_publishers_info_by_topic,
+    }
+    return next(
+        info.qos_profile
+        for info in infos[kind]('/ours/topic')
+        if info.node_name == node.get_name()
+    )
+
+
+@over_kinds
+def test_an_override_is_taken(make, kind):
+    """Each policy of each kind of endpoint, in capitals too, and by no other endpoint."""
+    prefix = f'qos_overrides./ours/topic.{kind}'
+    parameters = {
+        f'{prefix}.reliability': 'BEST_EFFORT' if kind == 'publisher' else 'RELIABLE',
+        f'{prefix}.durability': 'volatile' if kind == 'publisher' else 'transient_local',
+        f'{prefix}.history': 'keep_all',
+        f'{prefix}.depth': 2**31 - 1,
+    }
+    node = make(parameters)
+    MAKERS[kind](Endpoints(node))
+    ours = _qos(node, kind)
+    if kind == 'publisher':
+        assert ours.reliability == ReliabilityPolicy.BEST_EFFORT
+        assert ours.durability == DurabilityPolicy.VOLATILE
+    else:
+        assert ours.reliability == ReliabilityPolicy.RELIABLE
+        assert ours.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    given = node.get_parameters_by_prefix(prefix)
+    assert {f'{prefix}.{name}': p.value for name, p in given.items()} == parameters
+    assert not node.said
+
+
+@over_kinds
+@pytest.mark.parametrize(
+    ('policy', 'value', 'expected'),
+    [
+        ('reliability', 'foo', 'one of system_default, reliable, best_effort'),
+        ('reliability', '', 'one of system_default, reliable, best_effort'),
+        ('reliability', 'unknown', 'one of system_default, reliable, best_effort'),
+        ('durability', 1, 'one of system_default, transient_local, volatile'),
+        ('history', 'keep_some', 'one of system_default, keep_last, keep_all'),
+        ('depth', -1, 'an integer from 0 to 2147483647'),
+        ('depth', 2**31, 'an integer from 0 to 2147483647'),
+        ('depth', 'ten', 'an integer from 0 to 2147483647'),
+        ('depth', 1.0, 'an integer from 0 to 2147483647'),
+        ('depth', True, 'an integer from 0 to 2147483647'),
+    ],
+)
+def test_a_wrong_override_is_one_line_for_the_user(make, kind, policy, value, expected):
+    """It names node and parameter, and says what was expected and what came."""
+    name = f'qos_overrides./ours/topic.{kind}.{policy}'
+    with pytest.raises(ConfigError) as error:
+        MAKERS[kind](Endpoints(make({name: value})))
+    message = str(error.value)
+    assert message.startswith(f'with_endpoints: {name}: expected {expected}')
+    assert message.endswith(f', got {value!r}')
+    assert '\n' not in message
+
+
+def test_an_override_is_of_the_topic_that_is_talked_on(make):
+    """After remapping, as ROS has it."""
+    node = make(
+        {'qos_overrides./elsewhere.publisher.depth': -1},
+        cli_args=['--ros-args', '-r', 'topic:=/elsewhere'],
+    )
+    with pytest.raises(ConfigError, match='elsewhere'):
+        MAKERS['publisher'](Endpoints(node))
+
+
+def test_an_override_of_no_endpoint_is_warned_of(make):
+    """With what may have been meant; those that ROS itself takes are not."""
+    taken = 'qos_overrides./ours/topic.subscription.depth'
+    misspelt = taken.replace('topic', 'topics')
+    clock = 'qos_overrides./clock.subscription.depth'
+    node = make({misspelt: 3, taken: 3, clock: 3, 'qos_overrides./x.publisher.lifespan': 1})
+    MAKERS['subscription'](Endpoints(node))
+    warn_of_unknown_overrides(node)
+    assert node.said == [
+        f'unknown parameter {misspelt} is ignored (did you mean {taken}?)',
+        'unknown parameter qos_overrides./x.publisher.lifespan is ignored',
+    ]
+
+
+@pytest.mark.parametrize('service', ['bad name!', 'a/', '1st', 'a//b', '{camera}/set'])
+def test_a_name_that_no_service_has_is_one_line_for_the_user(make, service):
+    """It names node and parameter, and says what came and what is wrong with it."""
+    endpoints = Endpoints(make({}))
+    with pytest.raises(ConfigError) as error:
+        CameraInfoSetter(endpoints, service, print)
+    message = str(error.value)
+    start = 'with_endpoints: set_camera_info_service: expected the name of a service, got '
+    assert message.startswith(f'{start}{service!r}: topic name ')
+    assert '\n' not in message
+
+
+def test_what_is_done_every_second_is_done_while_simulated_time_stands_still(make):
+    """Nobody publishes /clock."""
+    node = make({'use_sim_time': True})
+    times = []
+    Endpoints(node).every(0.005, lambda: times.append(node.get_clock().now().nanoseconds))
+    ends_s = time.monotonic() + PATIENCE_S
+    while len(times) < 2 and time.monotonic() < ends_s:
+        rclpy.spin_once(node, timeout_sec=0.02)
+    assert times[:2] == [0, 0]
