@@ -37,7 +37,8 @@ RATE_HEADER = ('', 'highest rate without loss', 'p50 ms there', 'p99 ms there', 
 NOTE = (
     'Corners in to pose out (pose_with_covariance) between processes, the sender being the '
     'receiver. Bare transport: a node in Python that hears the same messages and answers at once; '
-    'beyond: the difference of the two, which were measured in turns. Boards of 4 points are markers on the topic corners, the '
+    'beyond: the difference of the two, which were measured in turns. Boards of 4 points are '
+    'markers on the topic corners, the '
     f'others clouds on correspondences. Both sides reliable, depth {DEPTH}; lost: of all '
     'that were sent. self_calibrate after it has converged. The '
     'board is everywhere: each view from another place, as no board moves; moving: there and '

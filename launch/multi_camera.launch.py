@@ -21,6 +21,9 @@ Several cameras that look for the same board, each with its own nodes in its own
 The pictures of the camera left come from /left/image_raw, its poses are on /left/pose_node/pose,
 and to it the board's frame is left/board: in /tf a frame has one parent, so what two cameras see
 are two frames, even if it is one board.
+
+In params_file, what all cameras have in common stands below /**/pose_node: and /**/detector_node:,
+and after it what is of one alone below /left/pose_node: and such; the later one counts.
 """
 
 from launch import LaunchDescription
@@ -36,11 +39,11 @@ from launch_ros.substitutions import FindPackageShare
 
 # Handed on to p4pfr.launch.py as they are. The topics are relative: in each camera's namespace.
 ARGUMENTS = (
-    ('params_file', '', 'YAML file of parameters for all nodes'),
+    ('params_file', '', 'YAML file of parameters for all nodes, below /**/pose_node: and such'),
     ('image', 'image_raw', 'topic of the pictures, in the namespace of each camera'),
     ('camera_info', 'camera_info', 'topic that tells the size of the pictures, likewise'),
-    ('transport', 'raw', 'raw, or compressed: IMAGE/compressed'),
-    ('publish_tf', 'true', 'whether poses are on /tf too'),
+    ('transport', '', 'raw, or compressed: IMAGE/compressed'),
+    ('publish_tf', 'true', 'whether poses are on /tf too, whatever the file says'),
 )
 
 

@@ -26,8 +26,8 @@ POSE_NODE = {
     'correspondences': (
         'The points of a board, one per row: fields `u`, `v` (px of the raw picture), `board_x`, '
         '`board_y` (m), all float32 or float64. The optional field `id` is the number of the '
-        'point, and `board` the place of the board in the file where that has several; both are '
-        'integers. Wrong points among them are found out.'
+        'point, and `board`, needed where the file has several boards, the place of the board '
+        'there; both are integers. Wrong points among them are found out.'
     ),
     'corners': (
         'The four corners of one marker, x and y in px of the raw picture. What the message does '

@@ -111,8 +111,9 @@ class CameraInfoModel:
         if self.distortion_model == 'plumb_bob' and len(given) == wanted - 1:
             given = (*given, 0.0)
         if len(given) != wanted:
+            counts = f'4 or {wanted}' if self.distortion_model == 'plumb_bob' else f'{wanted}'
             raise ValueError(
-                f'coefficients must be {wanted} of {self.distortion_model}, got {len(given)}'
+                f'coefficients must be {counts} of {self.distortion_model}, got {len(given)}'
             )
         if not all(math.isfinite(c) for c in given):
             raise ValueError(f'coefficients must be finite, got {given}')

@@ -17,9 +17,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from p4pfr_ros import DivisionCamera
+import numpy as np
+from numpy.typing import NDArray
+from p4pfr_ros import DivisionCamera, Pose
 from p4pfr_ros.rendering import Renderer
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
@@ -27,7 +30,7 @@ from std_msgs.msg import Header
 
 from .board import required_board
 from .conversions import camera_info_msg, image_msg, ImageFrame, pose_msg
-from .endpoints import advertise
+from .endpoints import advertise, is_heard
 from .options import CameraSimulatorOptions
 from .parameters import Parameters
 from .rejections import Rejected, Rejections
@@ -40,11 +43,18 @@ class CameraSimulator(Node):  # type: ignore[misc]
     Renders a board on a known path through a camera with a known lens.
 
     Picture, camera_info and true pose of one moment carry the same stamp. The camera_info is
-    that of an uncalibrated camera: the picture's size, and K = 0.
+    that of an uncalibrated camera: the picture's size, and K = 0. Without a subscriber there is no
+    picture, but the board moves on.
+
+    Parameters
+    ----------
+    of_node
+        What every node can be told, such as ``parameter_overrides``.
+
     """
 
-    def __init__(self) -> None:
-        super().__init__('camera_simulator')
+    def __init__(self, **of_node: Any) -> None:
+        super().__init__('camera_simulator', **of_node)
         self._config = Parameters(self, CameraSimulatorOptions())
         options = self._config.options
         self._board = required_board(self.get_name(), options.board_file)
@@ -77,20 +87,26 @@ class CameraSimulator(Node):  # type: ignore[misc]
         except ValueError:
             self._misses.add(Rejected('no_board', 'this camera cannot see the board: no picture'))
             return
-        picture = self._renderer.render(
+        # Drawing is nearly all of the work, and not done for nobody. It takes longer than a
+        # shutter: the picture counts as taken when it is ready.
+        picture = self._drawn(pose) if is_heard(self._image) else None
+        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=lens.frame_id)
+        self._camera_info.publish(camera_info_msg(header, self._frame))
+        self._pose_true.publish(pose_msg(header, pose))
+        if picture is not None:
+            self._image.publish(image_msg(header, picture))
+        self._count += 1
+        self._path_time_s += options.path.speed / options.rate_hz
+
+    def _drawn(self, pose: Pose) -> NDArray[np.uint8]:
+        lens = self._config.options.camera
+        return self._renderer.render(
             self._board,
             pose,
             blur_sigma_px=lens.blur_sigma_px,
             noise_sigma=lens.noise_sigma,
             seed=self._count,
         )
-        # Drawing takes longer than a shutter: the picture counts as taken when it is ready.
-        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=lens.frame_id)
-        self._camera_info.publish(camera_info_msg(header, self._frame))
-        self._pose_true.publish(pose_msg(header, pose))
-        self._image.publish(image_msg(header, picture))
-        self._count += 1
-        self._path_time_s += options.path.speed / options.rate_hz
 
 
 def main(args: Sequence[str] | None = None) -> None:

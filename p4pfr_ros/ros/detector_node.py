@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from p4pfr_ros.detection import detect, Detection
@@ -46,10 +47,16 @@ class DetectorNode(Node):  # type: ignore[misc]
 
     Each board that is found gives one message, with the header of the picture. Where the file
     holds several boards, the field ``board`` says which one it is: its place there, from 0.
+
+    Parameters
+    ----------
+    of_node
+        What every node can be told, such as ``parameter_overrides``.
+
     """
 
-    def __init__(self) -> None:
-        super().__init__('detector_node')
+    def __init__(self, **of_node: Any) -> None:
+        super().__init__('detector_node', **of_node)
         options = Parameters(self, DetectorNodeOptions()).options
         self._boards = list(required_boards(self.get_name(), options.board_file).values())
         self._rejections = Rejections(lambda text: self.get_logger().warning(text))

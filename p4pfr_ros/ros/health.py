@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 import enum
+import math
 
 from p4pfr_ros import PoseEstimate
 from p4pfr_ros.core.camera_estimate import CameraEstimate
@@ -33,11 +34,20 @@ PERIOD_S = 1.0
 # A change is told at once, but not more often than that.
 _SOONEST_S = 0.1
 
+# A timer of the period fires now a little early, now a little late.
+_EARLY_S = 0.1
+
 # So long after it was last seen, a condition counts as present: every second view may have it.
 _HOLD_S = 2.0
 _RESTART_HOLD_S = 10.0
 
+# So long a remark counts that nothing else here tells of; saving is tried again every minute.
+_REMARKS_S = {'not_saved': 70.0, 'tf_parents': _HOLD_S}
+
 _NO_IMAGE_SIZE = 'no_image_size'
+
+# What is wrong with a camera_info says nothing of the messages with corners.
+_CAMERA_INFO = 'camera_info'
 
 
 class Level(enum.IntEnum):
@@ -82,7 +92,11 @@ class Health:
         self.rejections: Counter[str] = Counter()
         self._latencies = Latencies(now_s)
         self._received_s: float | None = None
-        self._answered_s: float | None = None
+        # Whether the last message was neither answered nor rejected: nobody wanted it to be.
+        self._was_left = False
+        # When a message was answered or left, and how many have only been rejected since.
+        self._well_s = -math.inf
+        self._bad_in_a_row = 0
         self._stamp_age_s: float | None = None
         self._estimate: PoseEstimate | None = None
         self._calibration = ''
@@ -90,17 +104,23 @@ class Health:
         self._fused: CameraEstimate | None = None
         self._camera_info = (UNKNOWN, UNKNOWN)
         self._reasons: dict[str, _Reason] = {}
-        self._published_s: float | None = None
+        self._next_s = now_s
+        self._published_s = -math.inf
         self._published: tuple[Level, tuple[str, ...]] | None = None
 
     def received(self, now_s: float) -> None:
         """Note a message with corners, whatever becomes of it."""
+        if self._was_left and self._received_s is not None:
+            self._well_s, self._bad_in_a_row = self._received_s, 0
         self.received_count += 1
-        self._received_s = now_s
+        self._received_s, self._was_left = now_s, True
 
     def rejected(self, now_s: float, rejected: Rejected) -> None:
         """Note a message that was not answered, and why."""
         self.rejections[rejected.cause] += 1
+        if self._was_left and rejected.cause != _CAMERA_INFO:
+            self._was_left = False
+            self._bad_in_a_row += 1
         # Nothing can be answered without the picture's size.
         level = Level.ERROR if rejected.cause == _NO_IMAGE_SIZE else Level.WARN
         text = f'rejected, {rejected.cause}: {rejected.reason}'
@@ -115,7 +135,8 @@ class Health:
         latency_s: since its message was received; stamp_age_s: since the stamp of its picture.
         """
         self.answered_count += 1
-        self._answered_s = now_s
+        self._was_left = False
+        self._well_s, self._bad_in_a_row = now_s, 0
         self._latencies.add(now_s, latency_s)
         self._stamp_age_s = stamp_age_s
         self._estimate = estimate
@@ -126,6 +147,13 @@ class Health:
         if unseen:
             text = f'a view does not tell: {", ".join(unseen)}'
             self._remember(now_s, 'unobservable', Level.WARN, text)
+
+    def remarked(self, now_s: float, remark: Rejected) -> None:
+        """Note what people should know though the message is answered."""
+        hold_s = _REMARKS_S.get(remark.cause)
+        if hold_s is not None:
+            text = f'{remark.cause}: {remark.reason}'
+            self._remember(now_s, remark.cause, Level.WARN, text, hold_s)
 
     def calibrated(
         self, now_s: float, state: str, views: int, fused: CameraEstimate | None, restarted: bool
@@ -142,16 +170,24 @@ class Health:
 
     def due(self, now_s: float) -> bool:
         """Return whether to publish: once a second, and at once when something has changed."""
-        since_s = PERIOD_S if self._published_s is None else now_s - self._published_s
-        if since_s >= PERIOD_S:
+        if self._is_time(now_s):
             return True
-        return since_s >= _SOONEST_S and self._judge(now_s)[:2] != self._published
+        is_soon = now_s - self._published_s < _SOONEST_S
+        return not is_soon and self._judge(now_s)[:2] != self._published
 
     def status(self, now_s: float) -> Status:
         """Return the state, which counts as published now."""
         level, keys, texts = self._judge(now_s)
         self._published_s, self._published = now_s, (level, keys)
+        # The beat is the clock's: neither a change in between nor a call that is a little early
+        # or late shifts it. A call that is much too late sets it anew.
+        if self._is_time(now_s):
+            is_on_time = now_s - self._next_s <= _EARLY_S
+            self._next_s = PERIOD_S + (self._next_s if is_on_time else now_s)
         return Status(level, '; '.join(texts), self._values(now_s))
+
+    def _is_time(self, now_s: float) -> bool:
+        return now_s >= self._next_s - _EARLY_S
 
     def _remember(
         self, now_s: float, key: str, level: Level, text: str, hold_s: float = _HOLD_S
@@ -167,20 +203,18 @@ class Health:
             ever = 'yet' if self._received_s is None else f'for more than {STALE_AFTER_S:g} s'
             return Level.STALE, ('stale',), [f'no corners {ever}']
         if not self._reasons:
-            key, text = self._all_is_well(now_s)
+            key, text = self._all_is_well()
             return Level.OK, (key,), [text]
         ordered = sorted(self._reasons.items(), key=lambda item: (-item[1].level, item[0]))
         level = ordered[0][1].level
-        if not self._is_answering(now_s) and any(k.startswith('rejected.') for k, _ in ordered):
+        all_bad = self._bad_in_a_row > 1 and now_s - self._well_s > _HOLD_S
+        if all_bad and any(key.startswith('rejected.') for key, _ in ordered):
             level = Level.ERROR  # not one message among others, but all of them
         return level, tuple(key for key, _ in ordered), [reason.text for _, reason in ordered]
 
-    def _is_answering(self, now_s: float) -> bool:
-        return self._answered_s is not None and now_s - self._answered_s <= _HOLD_S
-
-    def _all_is_well(self, now_s: float) -> tuple[str, str]:
-        if not self._is_answering(now_s):
-            return 'idle', 'idle: nobody listens to the answers'
+    def _all_is_well(self) -> tuple[str, str]:
+        if self._was_left:
+            return 'idle', 'idle: no board is seen, or nobody listens to the answers'
         return self._calibration, self._calibration or 'messages are answered'
 
     def _values(self, now_s: float) -> dict[str, str]:

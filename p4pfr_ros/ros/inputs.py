@@ -81,8 +81,7 @@ class Inputs:
 
     def on_correspondences(self, msg: PointCloud2) -> None:
         """Take the points of one board."""
-        points = correspondences_from_cloud(msg)
-        self._answer(msg.header, [points if isinstance(points, Rejected) else self._found(points)])
+        self._answer(msg.header, [self._found(correspondences_from_cloud(msg))])
 
     def on_detections(self, msg: Any) -> None:
         """Take the tags of an AprilTagDetectionArray, and sort them by their boards."""
@@ -90,11 +89,10 @@ class Inputs:
         found = correspondences_from_detections(
             msg, self._targets.boards, detections.corner_order, detections.pixel_center_px
         )
-        if isinstance(found, Rejected):
-            self._answer(msg.header, [found])
-        else:
-            self._answer(msg.header, [self._found(points) for points in found])
+        self._answer(msg.header, [self._found(points) for points in found])
 
-    def _found(self, points: Correspondences) -> Found:
+    def _found(self, points: Correspondences | Rejected) -> Found:
+        if isinstance(points, Rejected):
+            return points
         target = self._targets.at(points.board)
         return target if isinstance(target, Rejected) else (target, points)

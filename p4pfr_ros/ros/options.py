@@ -18,8 +18,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from .conversions import LARGEST_IMAGE_PX
 from .parameters import parameter
-from .pose_options import LARGEST_IMAGE_PX, PoseNodeOptions
+from .pose_options import PoseNodeOptions
 
 __all__ = ['CameraSimulatorOptions', 'DetectorNodeOptions', 'PoseNodeOptions']
 

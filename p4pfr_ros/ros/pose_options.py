@@ -22,12 +22,10 @@ import re
 from p4pfr_ros.files import ConfigError
 
 from .calibration_options import SelfCalibrationOptions
-from .conversions import CORNER_ORDERS
+from .conversions import CORNER_ORDERS, LARGEST_IMAGE_PX
 from .intrinsics_options import IntrinsicsOptions
 from .parameters import parameter
 from .robust_options import RobustOptions
-
-LARGEST_IMAGE_PX = 65535
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +131,9 @@ class PoseNodeOptions:
         False, 'Whether poses are published on /tf too, which takes the package tf2_ros.'
     )
     invert_tf: bool = parameter(
-        False, 'On /tf, give the pose of the camera in the frame of the board.'
+        False,
+        'On /tf, give the pose of the camera in the frame of the board. For one board alone: with '
+        'several, the camera would have as many parents, and in /tf a frame has one.',
     )
     intrinsics: IntrinsicsOptions = field(default_factory=IntrinsicsOptions)
     calibration: SelfCalibrationOptions = field(default_factory=SelfCalibrationOptions)

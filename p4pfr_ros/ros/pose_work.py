@@ -63,7 +63,7 @@ class PoseWork:
         self._config = config
         options = config.options
         # What can be refused comes first, while there is nothing to take down.
-        targets = Targets(options.board_file)
+        targets = self._targets = Targets(options.board_file)
         self._keeper = CalibrationKeeper(options, self._tell, lambda text: _say(node, text))
         config.guard(self._check)
         # What stays until the end, and what comes and goes.
@@ -104,6 +104,7 @@ class PoseWork:
         options = self._config.options
         if options.enabled:
             self._answering.on_found(header, found, options)
+            self._reports.remark(self._targets.remark_on_tf(options))
         self._reports.publish(enabled=options.enabled)
 
     def _on_second(self) -> None:

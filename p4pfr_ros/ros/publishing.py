@@ -50,6 +50,7 @@ class Publishing:
         self._poses = {p: PoseOutputs(endpoints, p) for p in sorted(targets.prefixes)}
         self._cameras = CameraOutputs(endpoints)
         self._scene = Scene(node, endpoints)
+        self._told_by = ''
 
     def is_heard(self, target: Target, options: PoseNodeOptions) -> bool:
         """Return whether anybody would hear an answer about a board."""
@@ -69,11 +70,15 @@ class Publishing:
         self, board: SeenBoard, camera: Known | None, options: PoseNodeOptions
     ) -> CameraInfoModel | None:
         """Publish the camera that is in use, where that is news; return its published model."""
+        mode = options.intrinsics.mode
         # A camera of one frame is worth the fit of a model only if somebody waits for it.
-        lasts = options.intrinsics.mode != PER_FRAME
-        if camera is not None and (lasts or self._cameras.is_heard()):
-            return self._cameras.tell(board.header, board.frame, camera, again=not lasts)
-        self._cameras.take_back(board.header.stamp)
+        if camera is not None and (mode != PER_FRAME or self._cameras.is_heard()):
+            self._told_by = mode
+            again = mode == PER_FRAME
+            return self._cameras.tell(board.header, board.frame, camera, again=again)
+        # A view that does not tell its camera takes back nothing that the one before it told.
+        if mode != PER_FRAME or self._told_by != PER_FRAME:
+            self._cameras.take_back(board.header.stamp)
         return None
 
     def forget(self) -> None:

@@ -66,6 +66,7 @@ class Reports:
         """Say what people should know of a message that is answered all the same."""
         if remark is not None:
             self._remarks.add(remark)
+            self._health.remarked(time.monotonic(), remark)
 
     def answered(self, stamp_ns: int, estimate: PoseEstimate, received_s: float) -> None:
         """Take note of an answer that has been published, or of why there is none."""

@@ -23,6 +23,7 @@ import re
 from p4pfr_ros.boards import Board
 from p4pfr_ros.files import ConfigError, load_boards
 
+from .pose_options import PoseNodeOptions
 from .rejections import Rejected
 
 _ALONE = '~'
@@ -76,13 +77,26 @@ class Targets:
         else:
             self._in_order = [Target(_ALONE, board) for board in self.boards.values()] or [MARKER]
 
+    def remark_on_tf(self, options: PoseNodeOptions) -> Rejected | None:
+        """Say whether /tf would be no tree with these options."""
+        if not (options.publish_tf and options.invert_tf) or len(self._in_order) < 2:
+            return None
+        return Rejected(
+            'tf_parents',
+            f'invert_tf gives the frame of the camera {len(self._in_order)} parents on /tf, one '
+            'for each board of board_file, but a frame has one: set it to false, or name a file '
+            'of one board',
+        )
+
     @property
     def prefixes(self) -> set[str]:
         """Of the topics of all targets, MARKER included."""
         return {MARKER.prefix, *(target.prefix for target in self._in_order)}
 
-    def at(self, index: int) -> Target | Rejected:
-        """Return the board with a number: its place in the file."""
+    def at(self, index: int | None) -> Target | Rejected:
+        """Return the board with a number: its place in the file; one that is alone needs none."""
+        if index is None:
+            return self._in_order[0] if len(self._in_order) == 1 else _which_one(self.boards)
         if 0 <= index < len(self._in_order):
             return self._in_order[index]
         return Rejected(
@@ -92,10 +106,19 @@ class Targets:
         )
 
 
+def _which_one(boards: Mapping[str, Board]) -> Rejected:
+    numbered = ', '.join(f'{index} for {name}' for index, name in enumerate(boards))
+    return Rejected(
+        'unknown_board',
+        f'correspondences: which of the {len(boards)} boards of board_file it is, a cloud says by '
+        f'its integer field board: {numbered}',
+    )
+
+
 def _topic(board_file: str, name: str) -> str:
     if re.fullmatch(r'[A-Za-z]\w*', name, re.ASCII) is None:
         raise ConfigError(
-            f'{board_file}: boards.{name}: expected a name of letters, digits and _ for one of '
-            'several boards: it is part of the names of topics'
+            f'{board_file}: boards.{name}: expected a letter, and then letters, digits and _, for '
+            'the name of one of several boards: it is part of the names of topics'
         )
     return name

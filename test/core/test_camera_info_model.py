@@ -177,7 +177,7 @@ def test_the_first_fold(polynomial, root):
     ('arguments', 'complaint'),
     [
         ({'distortion_model': 'division'}, "distortion_model must be one of .*, got 'division'"),
-        ({'coefficients': (0.1,) * 6}, 'coefficients must be 5 of plumb_bob, got 6'),
+        ({'coefficients': (0.1,) * 6}, 'coefficients must be 4 or 5 of plumb_bob, got 6'),
         ({'coefficients': (np.nan,) * 5}, 'coefficients must be finite'),
         ({'focal_px': (500.0, 0.0)}, 'focal_px must be > 0'),
         ({'center_px': (500.0,)}, 'center_px must have shape'),

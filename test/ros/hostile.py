@@ -40,6 +40,45 @@ def fuzzed_cloud(rng, header):
     return msg
 
 
+_SIZES = [0, 1, 2, 3, 32, 640, 480, 65535, 65536, 2**31 - 1, 2**31, 2**32 - 1]
+_REALS = [0.0, 1.0, -1.0, 520.0, 319.5, 1e-300, 1e-5, 1e6, 1e300, np.nan, np.inf, -np.inf]
+_MODELS = ['plumb_bob', 'rational_polynomial', 'equidistant', 'division', 'fisheye', '']
+
+
+def fuzzed_camera_info(rng):
+    """Make a camera_info, half of them calibrated, with up to four random changes."""
+    msg = scenes.camera_info()
+    numbers = [(msg, name) for name in ('width', 'height', 'binning_x', 'binning_y')]
+    numbers += [(msg.roi, name) for name in ('x_offset', 'y_offset', 'width', 'height')]
+    for _ in range(rng.integers(5)):
+        where, name = numbers[rng.integers(len(numbers))]
+        setattr(where, name, int(rng.choice(_SIZES)))
+    if rng.integers(2):
+        k = np.array([520.0, 0.0, 319.5, 0.0, 520.0, 239.5, 0.0, 0.0, 1.0])
+        k[rng.integers(9, size=rng.integers(3))] = rng.choice(_REALS)
+        msg.k, msg.distortion_model = k, str(rng.choice(_MODELS))
+        d = 0.01 * rng.standard_normal(rng.choice([0, 1, 4, 5, 8, 14, 100]))
+        d[rng.random(len(d)) < 0.1] = rng.choice(_REALS)
+        msg.d = d.tolist()
+    return msg
+
+
+def fuzzed_polygon(rng, second):
+    """Make the corners of a marker: noisy, permuted, on a line, in a point, or not four."""
+    seen = scenes.seen(scenes.ARUCO)
+    corners = [
+        seen + rng.normal(0.0, rng.choice([0.3, 30.0]), (4, 2)),
+        rng.permutation(seen),
+        seen[0] + np.outer(np.arange(4), [30.0, 20.0]),
+        np.repeat(seen[:1], 4, axis=0) + 1e-3 * rng.integers(2) * rng.normal(size=(4, 2)),
+        seen[[0, 0, 2, 3]],
+        rng.uniform(-5.0, 700.0, (4, 2)),
+        seen * rng.choice([1e-9, 1e9, np.nan, np.inf]),
+        np.repeat(seen, 2, axis=0)[: rng.integers(9)],
+    ]
+    return scenes.polygon(second, corners[rng.integers(len(corners))])
+
+
 def _shape(rng, msg):
     name = ['height', 'width', 'point_step', 'row_step'][rng.integers(4)]
     setattr(msg, name, _number(rng))

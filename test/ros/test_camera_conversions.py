@@ -64,6 +64,18 @@ def test_the_matrices_are_those_of_the_full_picture(model):
     assert (msg.width, msg.height) == (1280, 960)
 
 
+@pytest.mark.parametrize('size', [(0, 480), (640, 0), (65536, 480), (640, 2**32 - 1)])
+def test_a_size_that_no_picture_has_is_rejected(size):
+    rejected = image_frame_from_msg(scenes.camera_info(size))
+    assert rejected.cause == 'camera_info'
+    assert f'got {size[0]}x{size[1]}' in rejected.reason
+
+
+@pytest.mark.parametrize('size', [(1, 1), (65535, 65535)])
+def test_the_smallest_and_the_largest_picture(size):
+    assert image_frame_from_msg(scenes.camera_info(size)) == ImageFrame(size)
+
+
 @pytest.mark.parametrize(
     ('frame', 'expected'),
     [(FRAME, False), (WINDOW, True), (ImageFrame((1280, 960), window=(1280, 960)), False)],
@@ -90,16 +102,20 @@ def test_no_coefficients_are_no_distortion():
     ('change', 'cause', 'reason'),
     [
         ({'k': np.zeros(9)}, 'uncalibrated', 'K is 0'),
-        ({'width': 0}, 'camera_info', 'width or height is 0'),
+        ({'width': 0}, 'camera_info', 'from 1 to 65535, got 0x'),
+        ({'height': 65536}, 'camera_info', 'from 1 to 65535, got .*x65536'),
         ({'distortion_model': ''}, 'camera_model', "one of plumb_bob, .*, got ''"),
         ({'distortion_model': 'fov'}, 'camera_model', "one of plumb_bob, .*, got 'fov'"),
         ({'distortion_model': 'division'}, 'camera_model', "got 'division'"),
-        ({'d': [0.1, 0.2, 0.3]}, 'camera_model', 'must be 5 of plumb_bob, got 3'),
-        ({'d': [0.1] * 12}, 'camera_model', 'must be 5 of plumb_bob, got 12'),
+        ({'d': [0.1, 0.2, 0.3]}, 'camera_model', 'must be 4 or 5 of plumb_bob, got 3'),
+        ({'d': [0.1] * 12}, 'camera_model', 'must be 4 or 5 of plumb_bob, got 12'),
         ({'d': [np.nan] * 5}, 'camera_model', 'coefficients must be finite'),
+        ({'d': [0.0, 0.0, -1e8, 0.0]}, 'camera_model', 'absurdly'),
+        ({'k': np.array([9, 0, 1e300, 0, 9, 3, 0, 0, 1.0])}, 'camera_model', 'absurdly'),
+        ({'k': np.array([9, 0, 3, 0, 1e-300, 3, 0, 0, 1.0])}, 'camera_model', 'absurdly'),
         ({'distortion_model': 'equidistant', 'd': []}, 'camera_model', 'must be 4 of equidistant'),
         ({'distortion_model': 'rational_polynomial'}, 'camera_model', 'must be 8 of rational'),
-        ({'k': np.array([9, 1, 3, 0, 9, 3, 0, 0, 1.0])}, 'camera_model', 'expected K = '),
+        ({'k': np.array([9, 1, 3, 0, 9, 3, 0, 0, 1.0])}, 'camera_model', r'\[9 1 3 0 9 3 0 0 1\]'),
         ({'k': np.array([9, 0, 3, 0, 9, 3, 0, 0, 0.0])}, 'camera_model', 'expected K = '),
         ({'k': np.array([-9, 0, 3, 0, 9, 3, 0, 0, 1.0])}, 'camera_model', 'focal_px must be > 0'),
         ({'k': np.array([9, 0, np.nan, 0, 9, 3, 0, 0, 1])}, 'camera_model', 'must be finite'),

@@ -20,10 +20,13 @@ from geometry_msgs.msg import PoseStamped
 import numpy as np
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.boards import Chessboard, Marker
+from p4pfr_ros.rendering import Renderer
+from p4pfr_ros.ros.camera_simulator import CameraSimulator
 from p4pfr_ros.ros.conversions import image_from_msg
 from p4pfr_ros.ros.demo.views import tilt_deg
 from p4pfr_ros.ros.simulated_path import FILL, SimulatedPath, TILT_DEG
 import pytest
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo, Image
 
 BOARD = Chessboard(columns=9, rows=6, square_m=0.025)
@@ -83,6 +86,29 @@ def board_file(tmp_path):
     path = tmp_path / 'board.yaml'
     path.write_text(BOARD_YAML)
     return path
+
+
+def test_nothing_is_drawn_for_nobody(peer, board_file, monkeypatch):
+    """The board moves on, and its true pose comes all the same."""
+    drawn, render = [], Renderer.render
+
+    def counted(*args, **kwargs):
+        drawn.append(args)
+        return render(*args, **kwargs)
+
+    monkeypatch.setattr(Renderer, 'render', counted)
+    given = {'board_file': str(board_file), 'rate_hz': 0.01}
+    overrides = [Parameter(name, value=value) for name, value in given.items()]
+    node = CameraSimulator(namespace=peer.namespace, parameter_overrides=overrides)
+    truths = peer.listen(PoseStamped, 'camera_simulator/pose_true')
+    peer.until(lambda: truths, meanwhile=node._take_picture)
+    assert not drawn
+    images = peer.listen(Image, 'image')
+    peer.until(lambda: images, meanwhile=node._take_picture)
+    node.destroy_node()
+    assert drawn
+    assert images[0].header.stamp in [truth.header.stamp for truth in truths]
+    assert len({truth.pose.position.x for truth in truths}) == len(truths)
 
 
 @pytest.mark.dds

@@ -87,7 +87,7 @@ def test_a_board_of_several_keeps_its_number(board):
     np.testing.assert_array_equal(points.ids, IDS)
     alone = cloud_msg(scenes.header(1), IMAGE, BOARD, IDS)
     assert 'board' not in [f.name for f in alone.fields]
-    assert correspondences_from_cloud(alone).board == 0
+    assert correspondences_from_cloud(alone).board is None
 
 
 def test_a_cloud_is_of_one_board():

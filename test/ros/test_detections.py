@@ -172,17 +172,16 @@ def test_no_tag_is_no_answer_and_no_error():
 
 
 def test_other_tags_are_ignored():
-    """Another id, another family, one that OpenCV lacks, whatever their corners are."""
-    nowhere = [Point(np.nan, np.nan)] * 4
+    """Another id, another family, one that OpenCV lacks."""
     others = [
-        AprilTagDetection(family='tag36h11', id=9, corners=nowhere),
+        tag(9, scenes.seen(DOCK.marker_corners[0])),
         *seen(DOCK, 7, family='tag25h9'),
         *seen(DOCK, 7, family='tagStandard41h12'),
         *seen(DOCK, 7, family=''),
     ]
     (dock,) = ask(*others, *seen(DOCK, 3))
     np.testing.assert_array_equal(dock.ids, [4, 5, 6, 7])
-    rejected = ask(*others)
+    (rejected,) = ask(*others)
     assert rejected.cause == 'unknown_tags'
     assert '(:7, tag25h9:7, tag36h11:9, ...) is on a board' in rejected.reason
 
@@ -191,33 +190,50 @@ def test_of_a_tag_seen_twice_neither_is_taken():
     """Nobody knows which of them is the board's."""
     (dock,) = ask(*seen(DOCK, 7, 3, 7))
     np.testing.assert_array_equal(dock.ids, [4, 5, 6, 7])
-    assert ask(*seen(DOCK, 7, 7)).cause == 'unknown_tags'
+    (rejected,) = ask(*seen(DOCK, 7, 7))
+    assert rejected.cause == 'unknown_tags'
 
 
 def test_squares_between_markers_are_not_made_up():
     """Of a ChArUco board the points are corners of squares, which the message does not have."""
     board = Charuco(columns=3, rows=3, square_m=0.04, marker_m=0.03, dictionary=FAMILY)
-    assert ask(*seen(DOCK, 3), boards={'board': board}).cause == 'unknown_tags'
+    (rejected,) = ask(*seen(DOCK, 3), boards={'board': board})
+    assert rejected.cause == 'unknown_tags'
 
 
-@pytest.mark.parametrize(
-    ('corners', 'cause'),
-    [
-        ([Point(1.0, 1.0)] * 3, 'corner_count'),
-        ([Point(1.0, 1.0)] * 5, 'corner_count'),
-        ([], 'corner_count'),
-        ([Point(1.0, np.nan), *[Point(1.0, 1.0)] * 3], 'not_finite'),
-        ([Point(-np.inf, 2.0), *[Point(1.0, 1.0)] * 3], 'not_finite'),
-        ([Point(1e9, 2.0), *[Point(1.0, 1.0)] * 3], 'out_of_range'),
-    ],
-)
-def test_a_message_that_cannot_be_right_says_why(corners, cause):
-    """Nothing of it is believed."""
+WRONG = [
+    ([Point(1.0, 1.0)] * 3, 'corner_count'),
+    ([Point(1.0, 1.0)] * 5, 'corner_count'),
+    ([], 'corner_count'),
+    ([Point(1.0, np.nan), *[Point(1.0, 1.0)] * 3], 'not_finite'),
+    ([Point(-np.inf, 2.0), *[Point(1.0, 1.0)] * 3], 'not_finite'),
+    ([Point(1e9, 2.0), *[Point(1.0, 1.0)] * 3], 'out_of_range'),
+]
+
+
+@pytest.mark.parametrize(('corners', 'cause'), WRONG)
+def test_a_tag_that_cannot_be_right_rejects_its_own_board(corners, cause):
+    """It says why; the tags beside it on the board are not believed, those of others are."""
     wrong = AprilTagDetection(family='tag36h11', id=7, corners=corners)
-    answer = ask(*seen(DOOR, 20, 21), wrong)
-    assert isinstance(answer, Rejected)
-    assert answer.cause == cause
-    assert answer.reason.startswith('detections: ')
+    dock, door = ask(*seen(DOOR, 20, 21), wrong, *seen(DOCK, 3))
+    assert isinstance(dock, Rejected)
+    assert dock.cause == cause
+    assert dock.reason.startswith('detections: ')
+    assert 'tag 7' in dock.reason
+    np.testing.assert_array_equal(door.ids, np.arange(8))
+    # Seen twice, and once rightly: it is as doubtful.
+    assert [answer.cause for answer in ask(wrong, *seen(DOCK, 7))] == [cause]
+    assert [answer.cause for answer in ask(*seen(DOCK, 7), wrong)] == [cause]
+
+
+@pytest.mark.parametrize(('corners', 'cause'), WRONG)
+def test_a_tag_of_no_board_that_cannot_be_right_rejects_itself(corners, cause):
+    """All boards are answered."""
+    wrong = AprilTagDetection(family='tag36h11', id=9, corners=corners)
+    dock, rejected = ask(wrong, *seen(DOCK, 3))
+    np.testing.assert_array_equal(dock.ids, [4, 5, 6, 7])
+    assert (rejected.cause, 'tag 9' in rejected.reason) == (cause, True)
+    assert [answer.cause for answer in ask(wrong)] == [cause]
 
 
 def test_the_message_is_known_where_its_package_is(monkeypatch):

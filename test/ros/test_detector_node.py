@@ -20,9 +20,12 @@ import cv2
 import numpy as np
 from p4pfr_ros import Pose
 from p4pfr_ros.boards import Bundle, Chessboard, PlacedMarker
+from p4pfr_ros.drawing import annotate
 from p4pfr_ros.rendering import render
+from p4pfr_ros.ros import detector_node
 from p4pfr_ros.ros.conversions import correspondences_from_cloud, image_from_msg, image_msg
 import pytest
+from rclpy.parameter import Parameter
 import scenes
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 
@@ -177,6 +180,28 @@ def test_the_annotated_picture_comes_when_asked_for(eye):
     changed = (drawn != PICTURE[..., None]).any(axis=-1)
     column, row = np.rint(scenes.seen(BOARD.points[:1])[0]).astype(int)
     assert changed[row - 6 : row + 7, column - 6 : column + 7].any()
+
+
+def test_nothing_is_annotated_for_nobody(peer, tmp_path, monkeypatch):
+    """As long as somebody hears the points alone."""
+    drawn = []
+
+    def counted(*seen):
+        drawn.append(seen)
+        return annotate(*seen)
+
+    monkeypatch.setattr(detector_node, 'annotate', counted)
+    (tmp_path / 'board.yaml').write_text(BOARD_YAML)
+    given = [Parameter('board_file', value=str(tmp_path / 'board.yaml'))]
+    node = detector_node.DetectorNode(namespace=peer.namespace, parameter_overrides=given)
+    msg = image_msg(scenes.header(40), PICTURE)
+    points = peer.listen(PointCloud2, 'correspondences')
+    peer.until(lambda: points, meanwhile=lambda: node._on_image(msg))
+    assert not drawn
+    annotated = peer.listen(Image, 'detector_node/image_annotated')
+    peer.until(lambda: annotated, meanwhile=lambda: node._on_image(msg))
+    node.destroy_node()
+    assert drawn
 
 
 @pytest.mark.parametrize('extension', ['.png', '.jpg'])

@@ -12,46 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What /diagnostics says: levels with their reasons, and numbers; the clock is the test's."""
+"""What /diagnostics says: levels with their reasons; the clock is the test's."""
 
-from dataclasses import replace
-
-from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticStatus
-import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, Observability
-from p4pfr_ros.core.camera_estimate import CameraEstimate
-from p4pfr_ros.ros.conversions.diagnostics import diagnostics_msg
-from p4pfr_ros.ros.health import Health, Level, STALE_AFTER_S, Status
+from events import AMBIGUOUS, answer, BROKEN, GOOD, head, NO_SIZE, reject, UNSEEN
+from p4pfr_ros.ros.health import Health, Level, STALE_AFTER_S
 from p4pfr_ros.ros.rejections import Rejected
 import pytest
-import scenes
 
-SEEN = scenes.seen(scenes.GRID) + np.random.default_rng(3).normal(0.0, 0.2, scenes.GRID.shape)
-SEEN[7] += 30.0
-GOOD = estimate_pose(SEEN, scenes.GRID, image_size=scenes.SIZE)
-AMBIGUOUS = replace(GOOD, alternatives=(GOOD.model,))
-UNSEEN = replace(GOOD, observable=Observability(direction=True))
-NO_SIZE = Rejected('no_image_size', 'the size of the picture is not known')
-BROKEN = Rejected('fields', 'expected other fields')
-
-
-def answer(health, now_s, estimate=GOOD, latency_s=0.001):
-    """Let a message come and be answered."""
-    health.received(now_s)
-    health.answered(now_s, estimate, latency_s, 0.02)
-
-
-def reject(health, now_s, rejected):
-    """Let a message come and be rejected."""
-    health.received(now_s)
-    health.rejected(now_s, rejected)
-
-
-def head(health, now_s):
-    """Return level and message."""
-    status = health.status(now_s)
-    return status.level, status.message
+IDLE = (Level.OK, 'idle: no board is seen, or nobody listens to the answers')
 
 
 def test_without_corners_it_is_stale():
@@ -59,7 +27,7 @@ def test_without_corners_it_is_stale():
     health = Health(0.0)
     assert head(health, 0.0) == (Level.STALE, 'no corners yet')
     answer(health, 1.0)
-    assert head(health, 1.0 + STALE_AFTER_S) == (Level.OK, 'idle: nobody listens to the answers')
+    assert head(health, 1.0 + STALE_AFTER_S) == (Level.OK, 'messages are answered')
     level, message = head(health, 1.1 + STALE_AFTER_S)
     assert (level, message) == (Level.STALE, 'no corners for more than 3 s')
 
@@ -76,7 +44,82 @@ def test_answers_are_well():
 def test_messages_that_nobody_wants_answered_are_no_fault():
     health = Health(0.0)
     health.received(1.0)
-    assert head(health, 1.0) == (Level.OK, 'idle: nobody listens to the answers')
+    assert head(health, 1.0) == IDLE
+
+
+def test_it_is_idle_only_if_the_last_message_was_neither_answered_nor_rejected():
+    """Not because that was a while ago: a camera may be slow."""
+    health = Health(0.0)
+    answer(health, 1.0)
+    assert head(health, 3.9) == (Level.OK, 'messages are answered')
+    health.received(4.0)
+    assert head(health, 4.0) == IDLE
+    reject(health, 4.1, BROKEN)
+    assert head(health, 6.5) == (Level.OK, 'messages are answered')
+
+
+def test_one_bad_message_among_those_that_nobody_wants_is_a_warning():
+    """Also where they come slowly; only bad ones, one after the other, are an error."""
+    health = Health(0.0)
+    for now_s in (1.0, 1.1, 1.2):
+        health.received(now_s)
+    reject(health, 1.3, BROKEN)
+    assert head(health, 1.3) == (Level.WARN, 'rejected, fields: expected other fields')
+    reject(health, 1.4, BROKEN)
+    assert head(health, 1.4)[0] is Level.WARN
+    health.received(3.9)
+    assert head(health, 3.9) == IDLE
+    health.received(8.0)
+    reject(health, 11.0, BROKEN)
+    assert head(health, 11.0)[0] is Level.WARN
+    reject(health, 12.0, BROKEN)
+    assert head(health, 12.0)[0] is Level.ERROR
+    health.received(12.1)
+    health.received(12.2)
+    assert head(health, 12.2)[0] is Level.WARN
+
+
+def test_an_error_is_forgotten_with_the_bad_messages():
+    """What else there is to say has its own level."""
+    health = Health(0.0)
+    health.calibrated(1.0, 'uncalibrated', 0, None, restarted=True)
+    for now_s in (1.0, 2.0):
+        reject(health, now_s, BROKEN)
+    assert head(health, 3.9)[0] is Level.ERROR
+    assert head(health, 4.1)[0] is Level.WARN
+
+
+def test_a_board_of_several_that_is_answered_makes_the_message_a_good_one():
+    """In whatever order they come."""
+    health = Health(0.0)
+    for now_s in (1.0, 3.5, 6.0):
+        reject(health, now_s, BROKEN)
+        health.answered(now_s, GOOD, 0.001, 0.02)
+        answer(health, now_s + 0.1)
+        health.rejected(now_s + 0.1, BROKEN)
+        assert head(health, now_s + 0.1)[0] is Level.WARN
+
+
+def test_a_camera_info_is_no_message_with_corners():
+    """What is wrong with it is said, but it does not answer for the corners."""
+    health = Health(0.0)
+    wrong = Rejected('camera_info', 'width is 0')
+    for now_s in (1.0, 2.0, 3.0, 4.0):
+        health.received(now_s)
+        health.rejected(now_s, wrong)
+    assert head(health, 4.0) == (Level.WARN, 'rejected, camera_info: width is 0')
+    assert health.status(4.0).values['rejected.camera_info'] == '4'
+
+
+def test_a_calibration_that_could_not_be_saved_is_a_warning_until_it_is_tried_again():
+    """Other remarks are told of by what they are about, or in the log alone."""
+    health = Health(0.0)
+    health.remarked(1.0, Rejected('not_saved', 'the disk is full'))
+    health.remarked(1.0, Rejected('frame_id', 'another camera?'))
+    answer(health, 60.0)
+    assert head(health, 60.0) == (Level.WARN, 'not_saved: the disk is full')
+    answer(health, 72.0)
+    assert head(health, 72.0)[0] is Level.OK
 
 
 def test_disabled_is_what_somebody_wanted():
@@ -136,111 +179,3 @@ def test_the_gravest_reason_comes_first():
     first, second = message.split('; ')
     assert 'no_image_size' in first
     assert 'ambiguous' in second
-
-
-def test_numbers_of_one_view():
-    """Without self-calibration, what the view tells of the camera; what it does not is unknown."""
-    health = Health(0.0)
-    answer(health, 1.0)
-    reject(health, 1.0, BROKEN)
-    reject(health, 1.0, BROKEN)
-    values = health.status(1.0).values
-    assert float(values['focal_px']) == pytest.approx(GOOD.model.camera.focal_px, abs=0.01)
-    sigma_px = GOOD.covariance[6, 6] ** 0.5
-    assert float(values['focal_sigma_px']) == pytest.approx(sigma_px, abs=0.01)
-    assert float(values['k_sigma']) == pytest.approx(GOOD.covariance[7, 7] ** 0.5, abs=1e-5)
-    assert values['center_x_px'] == '319.50'
-    assert values['center_x_sigma_px'] == 'unknown'
-    assert values['distortion_order'] == '1'
-    assert float(values['inlier_ratio']) == pytest.approx(29 / 30, abs=1e-3)
-    assert float(values['rms_px']) == pytest.approx(GOOD.rms_px, abs=1e-3)
-    assert (values['received'], values['answered']) == ('3', '1')
-    assert values['rejected.fields'] == '2'
-    assert values['stamp_age_ms'] == '20.0'
-    answer(health, 2.0, UNSEEN)
-    values = health.status(2.0).values
-    assert values['focal_px'] == values['focal_sigma_px'] == values['k'] == 'unknown'
-
-
-def test_numbers_of_the_calibrated_camera():
-    """They stand above those of one view, and their names are the same."""
-    health = Health(0.0)
-    before = set(health.status(0.5).values)
-    answer(health, 1.0)
-    camera = DivisionCamera(533.0, (342.3, 233.9), -0.2, 0.01)
-    variances = np.square([0.4, 0.5, 0.25, 0.001, 0.0, 0.0])
-    fused = CameraEstimate(camera, np.diag(variances), rms_px=0.125, views=13)
-    health.calibrated(1.0, 'calibrated', 13, fused, restarted=False)
-    health.camera_info('rational_polynomial', 0.01)
-    values = health.status(1.0).values
-    assert set(values) == before
-    expected = {
-        'calibration': 'calibrated',
-        'views': '13',
-        'focal_px': '533.00',
-        'focal_sigma_px': '0.40',
-        'k': '-0.20000',
-        'k_sigma': '0.00100',
-        'k2': '0.01000',
-        'distortion_order': '2',
-        'center_x_px': '342.30',
-        'center_x_sigma_px': '0.50',
-        'center_y_sigma_px': '0.25',
-        'calibration_rms_px': '0.125',
-        'camera_info_model': 'rational_polynomial',
-        'camera_info_residual_px': '0.0100',
-    }
-    assert expected.items() <= values.items()
-    variances[1:3] = 0.0
-    assumed = CameraEstimate(camera, np.diag(variances), rms_px=0.125, views=13)
-    health.calibrated(1.0, 'calibrated', 13, assumed, restarted=False)
-    values = health.status(1.0).values
-    assert (values['center_x_px'], values['center_x_sigma_px']) == ('342.30', 'unknown')
-
-
-def test_it_is_published_every_second_and_at_once_on_change():
-    """A change of a number, or of a reason's wording, is none; and changes wait a tenth."""
-    health = Health(0.0)
-    assert health.due(0.0)
-    health.status(0.0)
-    assert not health.due(0.99)
-    assert health.due(1.0)
-    health.status(1.0)
-    answer(health, 1.05)
-    assert not health.due(1.05)
-    assert health.due(1.1)
-    health.status(1.1)
-    answer(health, 1.3)
-    assert not health.due(1.3)
-    reject(health, 1.4, BROKEN)
-    assert health.due(1.4)
-    health.status(1.4)
-    reject(health, 1.6, Rejected('fields', 'expected something else'))
-    assert not health.due(1.6)
-    reject(health, 1.7, NO_SIZE)
-    assert health.due(1.7)
-
-
-def test_corners_that_stop_are_noticed_by_the_clock_alone():
-    health = Health(0.0)
-    answer(health, 1.0)
-    health.status(3.5)
-    assert not health.due(3.9)
-    assert health.due(4.1)
-
-
-def test_the_levels_are_those_of_the_message():
-    names = {level.name: bytes([level]) for level in Level}
-    assert names == {name: getattr(DiagnosticStatus, name) for name in names}
-    assert len(names) == 4
-
-
-def test_a_status_becomes_a_message():
-    """One status, with all its values in order."""
-    status = Status(Level.WARN, 'why', {'b': '1', 'a': '2'})
-    msg = diagnostics_msg(Time(sec=7), 'pose_node: camera', 'a_camera', status)
-    assert msg.header.stamp.sec == 7
-    (only,) = msg.status
-    assert (only.level, only.message) == (DiagnosticStatus.WARN, 'why')
-    assert (only.name, only.hardware_id) == ('pose_node: camera', 'a_camera')
-    assert [(v.key, v.value) for v in only.values] == [('b', '1'), ('a', '2')]

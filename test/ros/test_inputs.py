@@ -14,6 +14,10 @@
 
 """From messages to the boards that they show; over DDS, other tests see them answered."""
 
+import sys
+from types import ModuleType
+
+from geometry_msgs.msg import PolygonStamped
 import numpy as np
 from p4pfr_ros.ros.inputs import Inputs
 from p4pfr_ros.ros.options import PoseNodeOptions
@@ -24,6 +28,7 @@ import pytest
 import rclpy
 from rclpy.parameter import Parameter
 import scenes
+from sensor_msgs.msg import PointCloud2
 from test_detections import AprilTagDetection, AprilTagDetectionArray, Point
 
 BOARDS = """
@@ -86,6 +91,56 @@ def test_a_message_that_cannot_be_right_is_passed_on_with_its_reason(heard):
     found = [rejected for _, [rejected] in heard.answers]
     assert all(isinstance(rejected, Rejected) for rejected in found)
     assert [rejected.cause for rejected in found] == ['unknown_tags', 'point_count', 'truncated']
+
+
+def test_a_bad_tag_is_passed_on_beside_the_boards_that_are_seen(heard):
+    """With its reason."""
+    good, bad = (_detection(tag, scenes.seen(scenes.ARUCO)) for tag in (4, 3))
+    bad.corners[0] = Point(float('nan'), 1.0)
+    heard.inputs.on_detections(AprilTagDetectionArray(scenes.header(1), [bad, good]))
+    [(_, [rejected, (target, _)])] = heard.answers
+    assert (rejected.cause, target.prefix) == ('not_finite', '~/door')
+
+
+def test_a_cloud_of_nobody_knows_which_board_is_rejected(heard):
+    """It is not the first one's by default."""
+    heard.inputs.on_correspondences(scenes.board_cloud(3))
+    [(_, [rejected])] = heard.answers
+    assert rejected.cause == 'unknown_board'
+
+
+class Topics:
+    """What is subscribed to."""
+
+    def __init__(self):
+        self.callbacks = {}
+
+    def subscribe(self, message_type, topic, callback):
+        """Take note."""
+        self.callbacks[topic] = message_type, callback
+
+
+def test_detections_are_listened_to_where_their_package_and_boards_are(heard, monkeypatch):
+    """The other topics always are."""
+    always = {
+        'corners': (PolygonStamped, heard.inputs.on_corners),
+        'correspondences': (PointCloud2, heard.inputs.on_correspondences),
+    }
+    monkeypatch.setitem(sys.modules, 'apriltag_msgs', None)
+    assert _topics(heard.inputs) == always
+    package, messages = ModuleType('apriltag_msgs'), ModuleType('apriltag_msgs.msg')
+    messages.AprilTagDetectionArray = AprilTagDetectionArray
+    monkeypatch.setitem(sys.modules, 'apriltag_msgs', package)
+    monkeypatch.setitem(sys.modules, 'apriltag_msgs.msg', messages)
+    both = {'detections': (AprilTagDetectionArray, heard.inputs.on_detections)}
+    assert _topics(heard.inputs) == always | both
+    assert list(_topics(Inputs(Targets(''), None, None))) == list(always)
+
+
+def _topics(inputs):
+    topics = Topics()
+    inputs.subscribe(topics)
+    return topics.callbacks
 
 
 def test_an_empty_array_of_detections_shows_nothing(heard):

@@ -20,6 +20,8 @@ from launch_stand_in import Run, SHARE
 from p4pfr_ros.ros.options import CameraSimulatorOptions, DetectorNodeOptions, PoseNodeOptions
 from p4pfr_ros.ros.parameters import flattened, replaced
 import pytest
+import rclpy
+from rclpy.node import Node
 
 ROOT = Path(__file__).resolve().parents[2]
 OPTIONS = {
@@ -86,6 +88,13 @@ def test_the_demo_has_a_board_of_its_own():
     assert (ROOT / board.removeprefix(f'{SHARE}/p4pfr_ros/')).exists()
 
 
+@pytest.mark.parametrize('name', [*NEEDED, 'p4pfr.rviz', 'p4pfr_foxglove.json'])
+def test_people_are_told_of_what_there_is(name):
+    """A launch file, or a view, that no page names is found by nobody."""
+    pages = [ROOT / 'README.md', *(ROOT / 'docs').glob('*.md')]
+    assert any(name in page.read_text() for page in pages)
+
+
 def test_topics_and_namespace_are_the_cameras():
     nodes = run('p4pfr.launch.py', image='/a/image_raw', camera_info='/a/info', namespace='a')
     detector, pose = one(nodes, 'detector_node'), one(nodes, 'pose_node')
@@ -102,10 +111,31 @@ def test_a_file_of_parameters_is_not_contradicted():
     """What the arguments do not say is left to it, and without one none is named."""
     nodes = run('p4pfr.launch.py', params_file='p.yaml')
     assert all(node.parameters[0] == 'p.yaml' for node in nodes)
-    assert set(given(one(nodes, 'pose_node'))) == {'board_file'}
+    assert all(set(given(node)) == {'board_file'} for node in nodes)
+    for node in run('multi_camera.launch.py', params_file='p.yaml'):
+        ours = {'board_frame', 'camera_name', 'publish_tf'}
+        told = ours if node.executable == 'pose_node' else set()
+        assert set(given(node)) == {'board_file', *told}
     assert all(len(node.parameters) == 1 for node in run('p4pfr.launch.py'))
     told = given(one(run('p4pfr.launch.py', board_frame='b', publish_tf='true'), 'pose_node'))
     assert told == {'board_file': 'b.yaml', 'board_frame': 'b', 'publish_tf': True}
+    told = given(one(run('p4pfr.launch.py', transport='compressed'), 'detector_node'))
+    assert told == {'board_file': 'b.yaml', 'image.transport': 'compressed'}
+
+
+@pytest.mark.parametrize('namespace', ['/', '/left/front'])
+@pytest.mark.parametrize('name', ['pose_node', 'detector_node', 'camera_simulator'])
+def test_a_file_of_parameters_for_all_is_read_by_each_as_its_own(name, namespace):
+    """Below /**/NODE, whatever the namespace; of the others' parameters it hears nothing."""
+    context, arguments = rclpy.Context(), ['--ros-args', '-r', f'__ns:={namespace}']
+    for path in sorted((ROOT / 'config').glob('*.yaml')):
+        arguments += ['--params-file', str(path)]
+    rclpy.init(args=arguments, context=context)
+    node = Node(name, context=context)
+    names = {name for name, _, _ in flattened(OPTIONS[name])}
+    assert set(node._parameter_overrides) == names
+    node.destroy_node()
+    rclpy.shutdown(context=context)
 
 
 def test_a_lifecycle_comes_on_request():

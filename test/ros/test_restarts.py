@@ -53,11 +53,10 @@ def test_poses_resume_when_detector_and_camera_return(peer):
 
 
 def _assert_right(peer, poses, truths):
-    """Wait for some poses; they are those of the truth."""
-    peer.until(lambda: len(poses) >= VIEWS)
-    errors = _errors(poses, truths)
-    assert len(errors) >= VIEWS // 2
-    assert np.median(errors) < CLOSE
+    """Wait for some poses of which the truth has come too; they are close to it."""
+    # Poses may come some time before anybody hears of a truth that is started anew.
+    peer.until(lambda: len(_errors(poses, truths)) >= VIEWS)
+    assert np.median(_errors(poses, truths)) < CLOSE
 
 
 def _errors(poses, truths):

@@ -15,6 +15,7 @@
 """The boards of a file: their topics, their frames, their numbers."""
 
 from p4pfr_ros.files import ConfigError
+from p4pfr_ros.ros.pose_options import PoseNodeOptions
 from p4pfr_ros.ros.rejections import Rejected
 from p4pfr_ros.ros.targets import MARKER, Targets
 import pytest
@@ -67,6 +68,27 @@ def test_each_of_several_boards_has_topics_and_a_frame_of_its_own(targets):
     assert list(several.boards) == ['gate', 'door']
 
 
+def test_only_a_board_that_is_alone_needs_no_number(targets):
+    """Of several, which one it is would be a guess; the reason says what to do."""
+    assert targets().at(None) is MARKER
+    assert targets(gate=ONE).at(None).frame('') == 'gate'
+    rejected = targets(gate=ONE, door=OTHER).at(None)
+    assert rejected.cause == 'unknown_board'
+    assert rejected.reason.endswith('its integer field board: 0 for gate, 1 for door')
+
+
+def test_several_boards_cannot_all_be_parents_of_the_camera(targets):
+    """In /tf a frame has one; it is said to whoever wants that."""
+    wanted = PoseNodeOptions(publish_tf=True, invert_tf=True)
+    remark = targets(gate=ONE, door=OTHER).remark_on_tf(wanted)
+    assert remark.cause == 'tf_parents'
+    assert 'invert_tf gives the frame of the camera 2 parents' in remark.reason
+    assert targets(gate=ONE).remark_on_tf(wanted) is None
+    several = targets(gate=ONE, door=OTHER)
+    assert several.remark_on_tf(PoseNodeOptions(publish_tf=True)) is None
+    assert several.remark_on_tf(PoseNodeOptions(invert_tf=True)) is None
+
+
 @pytest.mark.parametrize('index', [-1, 2])
 def test_a_number_beyond_the_file_is_rejected(targets, index):
     """The detector has another file, then."""
@@ -75,8 +97,8 @@ def test_a_number_beyond_the_file_is_rejected(targets, index):
     assert rejected.cause == 'unknown_board'
 
 
-@pytest.mark.parametrize('name', ['my-gate', '1gate', 'my gate', 'gäte'])
+@pytest.mark.parametrize('name', ['my-gate', '1gate', '_gate', 'my gate', 'gäte'])
 def test_of_several_boards_none_may_have_a_name_that_no_topic_can_have(targets, name):
     """It is said with file and key."""
-    with pytest.raises(ConfigError, match=rf'boards.yaml: boards\.{name}: expected a name'):
+    with pytest.raises(ConfigError, match=rf'boards.yaml: boards\.{name}: expected a letter, and'):
         targets(**{'gate': ONE, name: OTHER})

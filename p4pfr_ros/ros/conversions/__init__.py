@@ -32,6 +32,7 @@ from .cameras import (
     division_camera_from_msg,
     image_frame_from_msg,
     ImageFrame,
+    LARGEST_IMAGE_PX,
     model_from_msg,
 )
 from .clouds import cloud_msg, correspondences_from_cloud
@@ -42,6 +43,7 @@ from .poses import pose_from_msg, pose_msg, pose_with_covariance_msg
 
 __all__ = [
     'CORNER_ORDERS',
+    'LARGEST_IMAGE_PX',
     'Correspondences',
     'ImageFrame',
     'Picture',

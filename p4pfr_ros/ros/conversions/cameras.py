@@ -33,6 +33,13 @@ from std_msgs.msg import Header
 
 from ..rejections import Rejected
 
+# In either direction; no sensor comes near it.
+LARGEST_IMAGE_PX = 65535
+
+# No lens comes near these, and powers of what lies between can still be computed with.
+_SHORTEST_PX = 1e-3
+_LARGEST = 1e7
+
 
 @dataclass(frozen=True, slots=True)
 class ImageFrame:
@@ -64,13 +71,24 @@ class ImageFrame:
 
 def image_frame_from_msg(msg: CameraInfo) -> ImageFrame | Rejected:
     """Take the picture's size, window and binning; the intrinsics are not looked at."""
-    if msg.width == 0 or msg.height == 0:
-        return Rejected('camera_info', 'camera_info: width or height is 0')
+    wrong = _wrong_size(msg)
+    if wrong is not None:
+        return wrong
     return ImageFrame(
         size=(msg.width, msg.height),
         offset_px=(msg.roi.x_offset, msg.roi.y_offset),
         window=(msg.roi.width, msg.roi.height),
         binning=(max(1, msg.binning_x), max(1, msg.binning_y)),  # 0 means 1 there
+    )
+
+
+def _wrong_size(msg: CameraInfo) -> Rejected | None:
+    if 0 < msg.width <= LARGEST_IMAGE_PX and 0 < msg.height <= LARGEST_IMAGE_PX:
+        return None
+    return Rejected(
+        'camera_info',
+        f'camera_info: expected width and height from 1 to {LARGEST_IMAGE_PX}, '
+        f'got {msg.width}x{msg.height}',
     )
 
 
@@ -107,24 +125,30 @@ def model_from_msg(msg: CameraInfo) -> CameraInfoModel | Rejected:
 
     As image_proc does, a plumb_bob without coefficients is taken for a lens without distortion.
     """
-    if msg.width == 0 or msg.height == 0:
-        return Rejected('camera_info', 'camera_info: width or height is 0')
+    wrong = _wrong_size(msg)
+    if wrong is not None:
+        return wrong
     if not np.any(msg.k):
         return Rejected('uncalibrated', 'camera_info: K is 0, so the camera is not calibrated')
     (fx, skew, cx), (_, fy, cy), last = np.reshape(msg.k, (3, 3)).tolist()
     if skew != 0.0 or last != [0.0, 0.0, 1.0]:
         return Rejected(
-            'camera_model', f'camera_info: expected K = [fx 0 cx 0 fy cy 0 0 1], got {list(msg.k)}'
+            'camera_model',
+            'camera_info: expected K = [fx 0 cx 0 fy cy 0 0 1], '
+            f'got [{" ".join(f"{number:g}" for number in msg.k)}]',
         )
     coefficients = tuple(msg.d)
     if not coefficients and msg.distortion_model == 'plumb_bob':
         coefficients = (0.0,) * COEFFICIENTS['plumb_bob']
     try:
-        return CameraInfoModel(
+        model = CameraInfoModel(
             msg.distortion_model, coefficients, (fx, fy), (cx, cy), 0.0, (msg.width, msg.height)
         )
     except ValueError as error:
         return Rejected('camera_model', f'camera_info: {error}')
+    if min(fx, fy) < _SHORTEST_PX or max(map(abs, (fx, fy, cx, cy, *coefficients))) > _LARGEST:
+        return Rejected('camera_model', 'camera_info: K or D is absurdly large or small')
+    return model
 
 
 def camera_info_division_msg(

@@ -84,7 +84,7 @@ def correspondences_from_cloud(msg: PointCloud2) -> Correspondences | Rejected:
         return Rejected(
             'boards', f'correspondences: expected one board in a cloud, got the boards {got}'
         )
-    board = int(boards[0]) if boards.size else 0
+    board = int(boards[0]) if boards.size else None
     return checked(points[:, :2], points[:, 2:], ids, 'correspondences', board)
 
 

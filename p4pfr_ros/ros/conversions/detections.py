@@ -32,7 +32,7 @@ from p4pfr_ros.boards.conventions import CORNER_ORDERS
 from p4pfr_ros.boards.parts import code_family
 from p4pfr_ros.core.geometry import Array
 
-from .points import checked, Correspondences
+from .points import checked, Correspondences, wrong_coordinates
 from ..rejections import Rejected
 
 # A marker: the set of codes that it is of, and its number there.
@@ -56,13 +56,14 @@ def correspondences_from_detections(
     boards: Mapping[str, Board],
     corner_order: str = 'apriltag_ccw_from_bottom_left',
     pixel_center_px: float = 0.5,
-) -> list[Correspondences] | Rejected:
+) -> list[Correspondences | Rejected]:
     """
     Take the markers of boards out of a message.
 
     Each board of markers (single, grid, bundle) of which one is seen gives one answer, with the
     board's place in ``boards``. Other tags are ignored. Of a marker that is seen twice nobody
-    knows which is the board's, so both are left out.
+    knows which is the board's, so both are left out. A tag that cannot be right is no reason to
+    mistrust other boards than its own.
 
     Parameters
     ----------
@@ -77,48 +78,56 @@ def correspondences_from_detections(
 
     Returns
     -------
-    The boards that are seen; none where there is no detection. ``Rejected`` where none of the
-    tags is on a board, or a message cannot be right.
+    The boards that are seen; none where there is no detection. ``Rejected`` stands for a board
+    with a tag that cannot be right, for each such tag that is on no board, and for a message
+    that has nothing else.
 
     """
-    wrong = _wrong_corners(msg.detections)
-    if wrong is not None:
-        return wrong
     seen = _corners_by_marker(msg.detections, CORNER_ORDERS[corner_order], pixel_center_px)
-    answers = []
+    answers: list[Correspondences | Rejected] = []
+    strays = dict(seen)
     for index, board in enumerate(boards.values()):
-        answer = _of_board(board, index, seen)
-        if isinstance(answer, Rejected):
-            return answer
+        markers = _markers_of(board)
+        answer = _of_board(board, index, markers, seen)
         if answer is not None:
             answers.append(answer)
-    return answers if answers or not msg.detections else _unknown(msg.detections)
-
-
-def _wrong_corners(detections: Iterable[Any]) -> Rejected | None:
-    for detection in detections:
-        if len(detection.corners) != 4:
-            return Rejected(
-                'corner_count',
-                f'detections: expected 4 corners of tag {detection.id}, '
-                f'got {len(detection.corners)}',
-            )
-    return None
+        for marker in markers:
+            strays.pop(marker, None)
+    answers += [corners for corners in strays.values() if isinstance(corners, Rejected)]
+    return answers if answers or not msg.detections else [_unknown(msg.detections)]
 
 
 def _corners_by_marker(
     detections: Iterable[Any], order: tuple[tuple[float, float], ...], pixel_center_px: float
-) -> dict[_Marker, Array]:
-    """Return the corners (4, 2) px, clockwise from the top left, of each marker seen once."""
+) -> dict[_Marker, Array | Rejected]:
+    """
+    Return the corners (4, 2) px, clockwise from the top left, of each marker seen once.
+
+    In their place stands what is wrong with them where one of its detections cannot be right.
+    """
     ours = [order.index(corner) for corner in CORNER_ORDERS['aruco_cw_from_top_left']]
     times: Counter[_Marker] = Counter()
-    corners: dict[_Marker, Array] = {}
+    seen: dict[_Marker, Array | Rejected] = {}
     for detection in detections:
         marker = (_code_family_of(detection.family), detection.id)
         times[marker] += 1
-        theirs = np.array([(corner.x, corner.y) for corner in detection.corners], dtype=float)
-        corners[marker] = theirs[ours] - pixel_center_px
-    return {marker: points for marker, points in corners.items() if times[marker] == 1}
+        theirs = _corners_of(detection)
+        if not isinstance(theirs, Rejected):
+            theirs = theirs[ours] - pixel_center_px
+        if not isinstance(seen.get(marker), Rejected):
+            seen[marker] = theirs
+    return {m: found for m, found in seen.items() if times[m] == 1 or isinstance(found, Rejected)}
+
+
+def _corners_of(detection: Any) -> Array | Rejected:
+    """Return the corners (4, 2) px of a tag as they came."""
+    count = len(detection.corners)
+    if count != 4:
+        return Rejected(
+            'corner_count', f'detections: expected 4 corners of tag {detection.id}, got {count}'
+        )
+    corners = np.array([(corner.x, corner.y) for corner in detection.corners], dtype=float)
+    return wrong_coordinates(corners, f'detections: tag {detection.id}') or corners
 
 
 def _code_family_of(family: str) -> str:
@@ -127,19 +136,29 @@ def _code_family_of(family: str) -> str:
     return code_family(f'DICT_APRILTAG_{known[1]}') if known else ''
 
 
-def _of_board(
-    board: Board, index: int, seen: Mapping[_Marker, Array]
-) -> Correspondences | Rejected | None:
+def _markers_of(board: Board) -> list[_Marker]:
+    """Return the markers of which a board consists: each has four of its points."""
     if not isinstance(board, MarkerBoard):
-        return None
+        return []
     family = code_family(board.dictionary)
-    markers = [(family, marker_id) for marker_id in board.marker_ids]
-    places = np.array([place for place, marker in enumerate(markers) if marker in seen], dtype=int)
-    if not places.size:
+    return [(family, marker_id) for marker_id in board.marker_ids]
+
+
+def _of_board(
+    board: Board, index: int, markers: list[_Marker], seen: Mapping[_Marker, Array | Rejected]
+) -> Correspondences | Rejected | None:
+    places, corners = [], []
+    for place, marker in enumerate(markers):
+        found = seen.get(marker)
+        if isinstance(found, Rejected):
+            return found
+        if found is not None:
+            places.append(place)
+            corners.append(found)
+    if not places:
         return None
-    image_points = np.concatenate([seen[markers[place]] for place in places])
-    ids = (4 * places[:, None] + np.arange(4)).ravel()
-    return checked(image_points, board.points[ids], ids, 'detections', index)
+    ids = (4 * np.array(places)[:, None] + np.arange(4)).ravel()
+    return checked(np.concatenate(corners), board.points[ids], ids, 'detections', index)
 
 
 def _unknown(detections: Iterable[Any]) -> Rejected:

@@ -25,9 +25,9 @@ from p4pfr_ros.core.geometry import Array, Ints
 
 from ..rejections import Rejected
 
-# Further out than any picture reaches, and near enough for squares and cubes of it.
-_FARTHEST_PX = 1e7
-_FARTHEST_M = 1e7
+# Pixels or metres: further out than any picture or board reaches, and near enough for squares and
+# cubes of it.
+_FARTHEST = 1e7
 
 # More than any board has: so many points take tenths of a second, and the calibration keeps 40
 # views of them.
@@ -48,14 +48,14 @@ class Correspondences:
     ids : (N,) array of int
         Which point of the board each is.
     board
-        Which board it is: its place among those of the board file.
+        Which board it is: its place among those of the board file; None: nobody has said.
 
     """
 
     image_points: Array
     board_points: Array
     ids: Ints
-    board: int = 0
+    board: int | None = None
 
 
 def correspondences_from_polygon(
@@ -78,7 +78,11 @@ def correspondences_from_polygon(
 
 
 def checked(
-    image_points: Array, board_points: Array, ids: Ints, topic: str, board: int = 0
+    image_points: Array,
+    board_points: Array,
+    ids: Ints,
+    topic: str,
+    board: int | None = None,
 ) -> Correspondences | Rejected:
     """Hold what ``Correspondences`` promises, or say what is wrong."""
     if len(image_points) < 4:
@@ -90,8 +94,14 @@ def checked(
             'point_count',
             f'{topic}: expected at most {_MOST_POINTS} points, got {len(image_points)}',
         )
-    if not (np.isfinite(image_points).all() and np.isfinite(board_points).all()):
+    wrong = wrong_coordinates(image_points, topic) or wrong_coordinates(board_points, topic)
+    return wrong or Correspondences(image_points, board_points, ids, board)
+
+
+def wrong_coordinates(points: Array, topic: str) -> Rejected | None:
+    """Say why (N, 2) pixels or metres cannot be any picture's or board's, if they cannot."""
+    if not np.isfinite(points).all():
         return Rejected('not_finite', f'{topic}: a coordinate is not finite')
-    if np.abs(image_points).max() > _FARTHEST_PX or np.abs(board_points).max() > _FARTHEST_M:
+    if np.abs(points).max() > _FARTHEST:
         return Rejected('out_of_range', f'{topic}: a coordinate is beyond 1e7 (px, m)')
-    return Correspondences(image_points, board_points, ids, board)
+    return None

@@ -1,0 +1,166 @@
+# Copyright 2026 p4pfr_ros maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What /diagnostics says: its numbers, and how often; the clock is the test's."""
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from events import AMBIGUOUS, answer, BROKEN, GOOD, NO_SIZE, reject, UNSEEN
+import numpy as np
+from p4pfr_ros import DivisionCamera
+from p4pfr_ros.core.camera_estimate import CameraEstimate
+from p4pfr_ros.ros.conversions.diagnostics import diagnostics_msg
+from p4pfr_ros.ros.health import Health, Level, Status
+from p4pfr_ros.ros.rejections import Rejected
+import pytest
+
+
+def test_numbers_of_one_view():
+    """Without self-calibration, what the view tells of the camera; what it does not is unknown."""
+    health = Health(0.0)
+    answer(health, 1.0)
+    reject(health, 1.0, BROKEN)
+    reject(health, 1.0, BROKEN)
+    values = health.status(1.0).values
+    assert float(values['focal_px']) == pytest.approx(GOOD.model.camera.focal_px, abs=0.01)
+    sigma_px = GOOD.covariance[6, 6] ** 0.5
+    assert float(values['focal_sigma_px']) == pytest.approx(sigma_px, abs=0.01)
+    assert float(values['k_sigma']) == pytest.approx(GOOD.covariance[7, 7] ** 0.5, abs=1e-5)
+    assert values['center_x_px'] == '319.50'
+    assert values['center_x_sigma_px'] == 'unknown'
+    assert values['distortion_order'] == '1'
+    assert float(values['inlier_ratio']) == pytest.approx(29 / 30, abs=1e-3)
+    assert float(values['rms_px']) == pytest.approx(GOOD.rms_px, abs=1e-3)
+    assert (values['received'], values['answered']) == ('3', '1')
+    assert values['rejected.fields'] == '2'
+    assert values['stamp_age_ms'] == '20.0'
+    answer(health, 2.0, UNSEEN)
+    values = health.status(2.0).values
+    assert values['focal_px'] == values['focal_sigma_px'] == values['k'] == 'unknown'
+
+
+def test_numbers_of_the_calibrated_camera():
+    """They stand above those of one view, and their names are the same."""
+    health = Health(0.0)
+    before = set(health.status(0.5).values)
+    answer(health, 1.0)
+    camera = DivisionCamera(533.0, (342.3, 233.9), -0.2, 0.01)
+    variances = np.square([0.4, 0.5, 0.25, 0.001, 0.0, 0.0])
+    fused = CameraEstimate(camera, np.diag(variances), rms_px=0.125, views=13)
+    health.calibrated(1.0, 'calibrated', 13, fused, restarted=False)
+    health.camera_info('rational_polynomial', 0.01)
+    values = health.status(1.0).values
+    assert set(values) == before
+    expected = {
+        'calibration': 'calibrated',
+        'views': '13',
+        'focal_px': '533.00',
+        'focal_sigma_px': '0.40',
+        'k': '-0.20000',
+        'k_sigma': '0.00100',
+        'k2': '0.01000',
+        'distortion_order': '2',
+        'center_x_px': '342.30',
+        'center_x_sigma_px': '0.50',
+        'center_y_sigma_px': '0.25',
+        'calibration_rms_px': '0.125',
+        'camera_info_model': 'rational_polynomial',
+        'camera_info_residual_px': '0.0100',
+    }
+    assert expected.items() <= values.items()
+    variances[1:3] = 0.0
+    assumed = CameraEstimate(camera, np.diag(variances), rms_px=0.125, views=13)
+    health.calibrated(1.0, 'calibrated', 13, assumed, restarted=False)
+    values = health.status(1.0).values
+    assert (values['center_x_px'], values['center_x_sigma_px']) == ('342.30', 'unknown')
+
+
+def test_it_is_published_every_second_and_at_once_on_change():
+    """A change of a number, or of a reason's wording, is none; and changes wait a tenth."""
+    health = Health(0.0)
+    assert health.due(0.0)
+    health.status(0.0)
+    assert not health.due(0.89)
+    assert health.due(0.9999)
+    health.status(0.9999)
+    answer(health, 1.05)
+    assert not health.due(1.05)
+    assert health.due(1.1)
+    health.status(1.1)
+    answer(health, 1.3)
+    assert not health.due(1.3)
+    reject(health, 1.4, BROKEN)
+    assert health.due(1.4)
+    health.status(1.4)
+    reject(health, 1.6, Rejected('fields', 'expected something else'))
+    assert not health.due(1.6)
+    reject(health, 1.7, NO_SIZE)
+    assert health.due(1.7)
+
+
+def test_a_second_is_a_second_though_no_timer_is_exact():
+    """Early, late, and with changes in between: each call of the timer's publishes."""
+    rng = np.random.default_rng(0)
+    health = Health(100.0)
+    health.status(100.0)
+    # The timer's own phase is any.
+    for second in range(1, 300):
+        now_s = 100.4 + second + rng.uniform(-0.01, 0.01)
+        assert health.due(now_s), second
+        health.status(now_s)
+        if rng.integers(3) == 0:
+            changed_s = now_s + rng.uniform(0.15, 0.85)
+            answer(health, changed_s, AMBIGUOUS if rng.integers(2) else GOOD)
+            if health.due(changed_s):
+                health.status(changed_s)
+
+
+def test_messages_at_any_rate_do_not_make_it_more_often():
+    """Each may publish, and one a second does."""
+    health = Health(0.0)
+    answer(health, 0.0)
+    health.status(0.0)
+    times_s = []
+    for i in range(1, 30 * 60):
+        answer(health, i / 30.0)
+        if health.due(i / 30.0):
+            health.status(i / 30.0)
+            times_s.append(i / 30.0)
+    assert 59 <= len(times_s) <= 60
+    assert np.diff(times_s).max() < 1.2
+
+
+def test_corners_that_stop_are_noticed_by_the_clock_alone():
+    health = Health(0.0)
+    answer(health, 1.0)
+    health.status(3.5)
+    assert not health.due(3.95)
+    assert health.due(4.1)
+
+
+def test_the_levels_are_those_of_the_message():
+    names = {level.name: bytes([level]) for level in Level}
+    assert names == {name: getattr(DiagnosticStatus, name) for name in names}
+    assert len(names) == 4
+
+
+def test_a_status_becomes_a_message():
+    """One status, with all its values in order."""
+    status = Status(Level.WARN, 'why', {'b': '1', 'a': '2'})
+    msg = diagnostics_msg(Time(sec=7), 'pose_node: camera', 'a_camera', status)
+    assert msg.header.stamp.sec == 7
+    (only,) = msg.status
+    assert (only.level, only.message) == (DiagnosticStatus.WARN, 'why')
+    assert (only.name, only.hardware_id) == ('pose_node: camera', 'a_camera')
+    assert [(v.key, v.value) for v in only.values] == [('b', '1'), ('a', '2')]
