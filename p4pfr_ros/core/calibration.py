@@ -24,10 +24,11 @@ from .calibration_terms import CalibrationOptions, CalibrationState, KeptView, V
 from .calibration_view import calibration_view
 from .camera_estimate import CameraEstimate
 from .estimate import PoseEstimate, RansacOptions
-from .fused_answer import fused_answer, seen_by_fit
+from .fused_answer import fused_answer
 from .kept_views import kept_views
 from .learning import Learning
 from .lone_answer import lone_answer
+from .seen_by_fit import seen_by_fit
 from .sighting import Sighting
 
 

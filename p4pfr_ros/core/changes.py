@@ -21,6 +21,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .geometry import Array
 from .information import inverse_of, Knowledge
 from .joint_fit import JointFit
 from .lens import K
@@ -75,16 +76,17 @@ class Changes:
         if evidence >= 1.0:
             return disagreed
         if len(agreed) >= _ENOUGH_VIEWS:
-            evidence += _lean(agreed, fit, common) / _BEYOND_CHANCE
+            enough = (1.0 - evidence) * _BEYOND_CHANCE
+            evidence += _lean(agreed, fit, common, enough) / _BEYOND_CHANCE
         return [sighting for sighting, _ in self._latest] if evidence >= 1.0 else ()
 
 
-def _lean(sightings: Sequence[Sighting], fit: JointFit, common: Knowledge) -> float:
+def _lean(sightings: Sequence[Sighting], fit: JointFit, common: Knowledge, enough: float) -> float:
     """
     Return χ² of the difference between the camera of some views and that of a fit.
 
-    Each view's equations are those by the fit of before it came, so that it is not among what
-    it is compared with.
+    Where it is less than enough, it may be less still. Each view's equations are those by the fit
+    of before it came, so that it is not among what it is compared with.
     """
     free = slice(K + fit.order)
     prior = fit.variance * common.information[free, free]
@@ -93,8 +95,15 @@ def _lean(sightings: Sequence[Sighting], fit: JointFit, common: Knowledge) -> fl
     pulls = np.array([s.pull[free] for s in seen])
     total = told.sum(axis=0) + prior
     shift = np.linalg.solve(total, pulls.sum(axis=0))
-    # What is left when the shift is made is the scatter of the views.
+    inverse, of_fit = fit.variance * inverse_of(total), fit.covariance[free, free]
+    at_most = _chi2(shift, fit.scatter * inverse + of_fit)
+    if at_most < enough:
+        return at_most
+    # What is left when the shift is made is the scatter of these views, which may be larger.
     left = pulls - told @ shift
     scatter = max(fit.scatter, scatter_of(told, left, prior, total, fit.variance))
-    spread = scatter * fit.variance * inverse_of(total) + fit.covariance[free, free]
-    return float(shift @ np.linalg.solve(spread, shift))
+    return _chi2(shift, scatter * inverse + of_fit)
+
+
+def _chi2(shift: Array, covariance: Array) -> float:
+    return float(shift @ np.linalg.solve(covariance, shift))

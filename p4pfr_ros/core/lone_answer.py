@@ -21,9 +21,10 @@ from dataclasses import replace
 from .calibration_view import lens_of
 from .estimate import PoseEstimate
 from .fit_views import fit_views
-from .fused_answer import fused_answer, seen_by_fit
+from .fused_answer import fused_answer
 from .information import Knowledge
 from .lens import CX, CY
+from .seen_by_fit import seen_by_fit
 from .sighting import Sighting
 
 

@@ -25,10 +25,10 @@ from .bundle import squared_errors
 from .calibration_view import bundle_of, CalibrationView, lens_of
 from .camera import DivisionCamera
 from .estimate import PoseEstimate, RansacOptions
-from .fused_answer import seen_by_fit, SeenByFit
 from .geometry import Array
 from .joint_fit import JointFit
 from .robust import estimate_pose
+from .seen_by_fit import seen_by_fit, SeenByFit
 
 # A view is beyond doubt where so many of its points are inliers, and their squares are no more
 # than so many times what the noise's are.
@@ -128,9 +128,7 @@ class Sighting:
         seen, fit = self.by_fit, self.fit
         if seen is None:
             return False
-        inliers = seen.squares[seen.squares < fit.limit]
-        if inliers.size >= _INLIER_SHARE * len(self.view) and (
-            inliers.mean() <= _SQUARES * 2.0 * fit.variance
-        ):
+        many = seen.inliers >= _INLIER_SHARE * len(self.view)
+        if many and seen.inlier_squares <= _SQUARES * 2.0 * fit.variance * seen.inliers:
             return True
         return not disagrees(seen.cost - self.own_cost, len(self.view), fit)

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 
 from .geometry import Array
-from .jit import jit
+from .jit import jit, kernel
 from .linear import solve_in_place
 from .problem import POSE_AND_CAMERA
 from .solution import G, H
@@ -112,16 +112,10 @@ def covariance_from(
     taken off the board's points (board units) and the size they were divided by.
     """
     _invert(normal, unknowns, system, covariance)
-    mx, my, size = board
-    lever = (
-        row[0] * mx + row[1] * my,
-        row[3] * mx + row[4] * my,
-        row[6] * mx + row[7] * my,
-    )
     for j in range(POSE_AND_CAMERA):
-        _to_public(covariance[:, j], row, lever, size)
+        _to_public(covariance[:, j], row, board)
     for j in range(POSE_AND_CAMERA):
-        _to_public(covariance[j, :], row, lever, size)
+        _to_public(covariance[j, :], row, board)
     for a in range(POSE_AND_CAMERA):
         for b in range(a + 1):
             mean = 0.5 * variance * (covariance[a, b] + covariance[b, a])
@@ -145,14 +139,28 @@ def _invert(normal: Array, unknowns: int, system: Array, inverse: Array) -> None
             inverse[a, j] = system[a, unknowns] / scale
 
 
-@jit
-def _to_public(v: Array, row: Array, lever: tuple[float, float, float], size: float) -> None:
+@kernel
+def _to_public(v: Array, row: Array, board: tuple[float, float, float]) -> None:
     """Take (ω, t of the scaled board, g, h) to (t of the board's origin, ω, f, k), in place."""
-    # t = s t_c - R m,   dt = s dt_c - ω x R m,     k = g h.
-    mx, my, mz = lever
+    pose_to_public(v, row, board)
+    # k = g h.
+    v[7] = row[H] * v[6] + row[G] * v[7]
+
+
+@kernel
+def pose_to_public(v: Array, row: Array, board: tuple[float, float, float]) -> None:
+    """
+    Take (ω, t of the scaled board) to (t of the board's origin, ω), in place.
+
+    board: the mean that was taken off the board's points, and the size they were divided by.
+    """
+    # t = s t_c - R m,   dt = s dt_c - ω x R m = s dt_c + R m x ω.
+    mean_x, mean_y, size = board
+    mx = row[0] * mean_x + row[1] * mean_y
+    my = row[3] * mean_x + row[4] * mean_y
+    mz = row[6] * mean_x + row[7] * mean_y
     wx, wy, wz = v[0], v[1], v[2]
     v[0] = size * v[3] + my * wz - mz * wy
     v[1] = size * v[4] + mz * wx - mx * wz
     v[2] = size * v[5] + mx * wy - my * wx
     v[3], v[4], v[5] = wx, wy, wz
-    v[7] = row[H] * v[6] + row[G] * v[7]

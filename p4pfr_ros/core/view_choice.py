@@ -23,12 +23,12 @@ import numpy as np
 
 from .adjust import POSE_SIZE
 from .camera import DivisionCamera
-from .fused_answer import SeenByFit
 from .geometry import Array, Pose
 from .information import inverse_of, Knowledge
 from .jit import jit, kernel
 from .joint_fit import JointFit
 from .lens import closed_form, FOCAL, K
+from .seen_by_fit import SeenByFit
 from .solution import TRANSLATION
 
 # The log-determinant of the information must rise by so much: for a view to take another's place,

@@ -88,6 +88,12 @@ def is_heard(*publishers: Publisher) -> bool:
     return any(publisher.get_subscription_count() > 0 for publisher in publishers)
 
 
+def is_awaited(publisher: Publisher) -> bool:
+    """Return whether anybody hears a message now, or may ask for the last one later."""
+    is_latched = publisher.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL
+    return is_latched or is_heard(publisher)
+
+
 class Endpoints:
     """
     What a node makes to talk to others, and takes down again as a whole.

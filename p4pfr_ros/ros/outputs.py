@@ -32,7 +32,7 @@ from .conversions import (
     pose_msg,
     pose_with_covariance_msg,
 )
-from .endpoints import Endpoints, is_heard
+from .endpoints import Endpoints, is_awaited, is_heard
 from .self_calibrating import Known
 
 
@@ -57,21 +57,21 @@ class PoseOutputs:
         self._alternatives = endpoints.advertise(PoseArray, f'{prefix}/alternatives')
 
     def is_heard(self) -> bool:
-        """Return whether anybody listens."""
-        return is_heard(self._pose, self._with_covariance, self._alternatives)
+        """Return whether anybody listens, or may ask for the last answer later."""
+        return any(map(is_awaited, (self._pose, self._with_covariance, self._alternatives)))
 
     def publish(self, header: Header, estimate: PoseEstimate) -> None:
-        """Publish an estimate; one without a model leaves nothing to say."""
+        """Publish an estimate to who waits for it; one without a model leaves nothing to say."""
         if estimate.model is None:
             return
         pose, seen = estimate.model.camera_from_board, estimate.observable
         # The covariance can say that a number means nothing; the other messages cannot.
-        self._with_covariance.publish(
-            pose_with_covariance_msg(header, pose, estimate.covariance[:6, :6])
-        )
-        if seen.direction and seen.distance:
+        if is_awaited(self._with_covariance):
+            covariance = estimate.covariance[:6, :6]
+            self._with_covariance.publish(pose_with_covariance_msg(header, pose, covariance))
+        if seen.direction and seen.distance and is_awaited(self._pose):
             self._pose.publish(pose_msg(header, pose))
-        if is_heard(self._alternatives):
+        if is_awaited(self._alternatives):
             others = [other.camera_from_board for other in estimate.alternatives]
             self._alternatives.publish(pose_array_msg(header, others))
 

@@ -86,10 +86,10 @@ def outside(points_px: Array, frame: ImageFrame) -> Rejected | None:
     """Say which of the points (N, 2) of the full raw picture cannot have been seen in it."""
     width, height = frame.size
     low, high = -0.5 - _MARGIN_PX, np.array([width, height]) - 0.5 + _MARGIN_PX
-    beyond = np.flatnonzero(((points_px < low) | (points_px > high)).any(axis=1))
-    if beyond.size == 0:
+    is_beyond = (points_px < low) | (points_px > high)
+    if not is_beyond.any():
         return None
-    x, y = points_px[beyond[0]]
+    x, y = points_px[is_beyond.any(axis=1)][0]
     return Rejected(
         'outside_picture',
         f'a point at ({x:.0f}, {y:.0f}) px cannot be in a picture of {width}x{height} px: is the '

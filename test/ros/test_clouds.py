@@ -133,6 +133,11 @@ def _field(index, **values):
     return spoil
 
 
+def _far_away(msg):
+    _set(point_step=2**32 - 1)(msg)
+    _field(3, offset=2**31)(msg)
+
+
 @pytest.mark.parametrize(
     ('spoil', 'cause'),
     [
@@ -149,6 +154,8 @@ def _field(index, **values):
         (_field(3, offset=2**32 - 1), 'layout'),
         (_field(4, offset=37), 'layout'),
         (_set(point_step=0), 'layout'),
+        (_set(point_step=2**32 - 1), 'layout'),
+        (_far_away, 'layout'),
         (_set(height=2), 'truncated'),
         (_set(height=2, row_step=1), 'layout'),
         (_set(height=2**32 - 1), 'truncated'),

@@ -17,7 +17,7 @@
 import time
 
 from p4pfr_ros.files import ConfigError
-from p4pfr_ros.ros.endpoints import Endpoints
+from p4pfr_ros.ros.endpoints import Endpoints, is_awaited
 from p4pfr_ros.ros.qos_overrides import warn_of_unknown_overrides
 from p4pfr_ros.ros.services import CameraInfoSetter
 import pytest
@@ -164,3 +164,17 @@ def test_what_is_done_every_second_is_done_while_simulated_time_stands_still(mak
     while len(times) < 2 and time.monotonic() < ends_s:
         rclpy.spin_once(node, timeout_sec=0.02)
     assert times[:2] == [0, 0]
+
+
+def test_a_message_is_awaited_by_who_listens_and_by_who_may_ask_later(make):
+    """The latter where the user overrides the durability."""
+    node = make({'qos_overrides./ours/later.publisher.durability': 'transient_local'})
+    endpoints = Endpoints(node)
+    now, later = (endpoints.advertise(Header, topic) for topic in ('now', 'later'))
+    assert (is_awaited(now), is_awaited(later)) == (False, True)
+    endpoints.subscribe(Header, 'now', lambda _: None)
+    ends_s = time.monotonic() + PATIENCE_S
+    while not is_awaited(now) and time.monotonic() < ends_s:
+        time.sleep(0.01)
+    assert is_awaited(now)
+    endpoints.close()

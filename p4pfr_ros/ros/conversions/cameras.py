@@ -64,6 +64,8 @@ class ImageFrame:
 
     def full_from_sent(self, points_px: Array) -> Array:
         """Take (N, 2) pixels of the picture as sent to the full raw picture."""
+        if self.binning == (1, 1) and self.offset_px == (0, 0):
+            return points_px
         # Pixel i covers [i - 1/2, i + 1/2]: edges map to edges, not centres to centres.
         full: Array = (points_px + 0.5) * self.binning - 0.5 + self.offset_px
         return full

@@ -25,6 +25,7 @@ false a point with a coordinate that is not finite is one that was not seen, and
 from __future__ import annotations
 
 from array import array
+import functools
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,9 @@ _INTEGERS = {
 
 _TYPES = _FLOATS | _INTEGERS
 
+# Of a point: NumPy counts its bytes in an int.
+_MOST_BYTES = 2**31 - 1
+
 # Double precision for all: u = 4000 in single precision is rounded by 1e-4 px.
 _OUT = {
     'u': PointField.FLOAT64,
@@ -63,18 +67,20 @@ _OUT_OF_SEVERAL = _OUT | {'board': PointField.UINT32}
 
 def correspondences_from_cloud(msg: PointCloud2) -> Correspondences | Rejected:
     """Take the correspondences of a board out of a cloud."""
-    wrong = _wrong_layout(msg)
+    fields = tuple((f.name, f.offset, f.datatype) for f in msg.fields)
+    layout = _layout(fields, msg.point_step, msg.is_bigendian)
+    if isinstance(layout, Rejected):
+        return layout
+    wrong = _wrong_steps(msg)
     if wrong is not None:
         return wrong
-    fields = {field.name: field for field in msg.fields}
-    points = np.empty((msg.height * msg.width, 4))
+    rows = _rows(msg, layout)
+    points = np.empty((len(rows), len(_COORDINATES)))
     for i, name in enumerate(_COORDINATES):
-        points[:, i] = _column(msg, fields[name])
-    ids, boards = np.arange(len(points)), _NO_BOARDS
-    if 'id' in fields:
-        ids = _column(msg, fields['id']).astype(np.int64)
-    if 'board' in fields:
-        boards = _column(msg, fields['board']).astype(np.int64)
+        points[:, i] = rows[name]
+    has_ids, has_boards = (name in (layout.names or ()) for name in _NUMBERS)
+    ids = rows['id'].astype(np.int64) if has_ids else np.arange(len(rows))
+    boards = rows['board'].astype(np.int64) if has_boards else _NO_BOARDS
     if not msg.is_dense:
         seen = np.isfinite(points).all(axis=1)
         points, ids = points[seen], ids[seen]
@@ -115,11 +121,15 @@ def cloud_msg(
     return msg
 
 
-def _wrong_layout(msg: PointCloud2) -> Rejected | None:
-    """Say what keeps the fields from being read, if anything does."""
-    fields = {field.name: field for field in msg.fields}
+# A sender does not change its fields from message to message.
+@functools.lru_cache(maxsize=16)
+def _layout(
+    given: tuple[tuple[str, int, int], ...], point_step: int, is_bigendian: bool
+) -> np.dtype[np.void] | Rejected:
+    """Return where in a point our fields are, or what keeps them from being read."""
+    fields = {name: (offset, datatype) for name, offset, datatype in given}
     for name in _COORDINATES:
-        if name not in fields or fields[name].datatype not in _FLOATS:
+        if name not in fields or fields[name][1] not in _FLOATS:
             got = ', '.join(fields) or 'none'
             return Rejected(
                 'fields',
@@ -127,25 +137,31 @@ def _wrong_layout(msg: PointCloud2) -> Rejected | None:
                 f'float64), got {got}' + (f'; {name} is no float' if name in fields else ''),
             )
     for name in _NUMBERS:
-        if name in fields and fields[name].datatype not in _INTEGERS:
+        if name in fields and fields[name][1] not in _INTEGERS:
             return Rejected('fields', f'correspondences: expected integers in the field {name}')
-    for name in (*_COORDINATES, *_NUMBERS):
-        if name in fields and _end(fields[name]) > msg.point_step:
+    if point_step > _MOST_BYTES:
+        return Rejected('layout', f'correspondences: point_step = {point_step} is absurd')
+    ours = [name for name in (*_COORDINATES, *_NUMBERS) if name in fields]
+    formats = [np.dtype(('>' if is_bigendian else '<') + _TYPES[fields[n][1]]) for n in ours]
+    offsets = [fields[name][0] for name in ours]
+    for name, offset, kind in zip(ours, offsets, formats, strict=True):
+        if offset + kind.itemsize > point_step:
             return Rejected(
                 'layout',
-                f'correspondences: the field {name} ends at byte {_end(fields[name])}, '
-                f'beyond point_step = {msg.point_step}',
+                f'correspondences: the field {name} ends at byte {offset + kind.itemsize}, '
+                f'beyond point_step = {point_step}',
             )
+    return np.dtype({'names': ours, 'formats': formats, 'offsets': offsets})
+
+
+def _wrong_steps(msg: PointCloud2) -> Rejected | None:
+    """Say what is wrong with where the points are, if anything is."""
     if msg.row_step < msg.width * msg.point_step and msg.height > 1:
         return Rejected(
             'layout',
             f'correspondences: row_step = {msg.row_step} is less than width * point_step = '
             f'{msg.width * msg.point_step}',
         )
-    return _truncated(msg)
-
-
-def _truncated(msg: PointCloud2) -> Rejected | None:
     # The padding after the last row may be missing; its points may not.
     needed = (msg.height - 1) * msg.row_step + msg.width * msg.point_step
     if msg.height == 0 or len(msg.data) >= needed:
@@ -153,21 +169,14 @@ def _truncated(msg: PointCloud2) -> Rejected | None:
     return Rejected('truncated', f'correspondences: {needed} bytes expected, {len(msg.data)} came')
 
 
-def _end(field: PointField) -> int:
-    size = np.dtype(_TYPES[field.datatype]).itemsize
-    return int(field.offset) + size
-
-
-def _column(msg: PointCloud2, field: PointField) -> NDArray[np.generic]:
-    """Read one field of all points, row by row; the layout has been checked."""
+def _rows(msg: PointCloud2, layout: np.dtype[np.void]) -> NDArray[np.void]:
+    """Look at the points, row by row; layout and steps have been checked."""
     if msg.height * msg.width == 0:
-        return np.empty(0)
-    order = '>' if msg.is_bigendian else '<'
-    column: NDArray[np.generic] = np.ndarray(
+        return np.empty(0, layout)
+    rows: NDArray[np.void] = np.ndarray(
         (msg.height, msg.width),
-        dtype=order + _TYPES[field.datatype],
+        dtype=layout,
         buffer=msg.data,
-        offset=field.offset,
         strides=(msg.row_step, msg.point_step),
     )
-    return column.ravel()
+    return rows.ravel()
