@@ -42,19 +42,10 @@ class Learning:
     """
     One camera, learnt from one view after the other.
 
-    Parameters
-    ----------
-    image_size
-        (width, height) of the full raw picture, px.
-    options
-        How to calibrate.
-    robust
-        How to search each view; its priors and its noise hold for the camera.
+    What it takes, and the verdict, state and fused camera, are those of ``SelfCalibration``.
 
     Attributes
     ----------
-    verdict, state, fused
-        As ``SelfCalibration`` has them.
     fit, camera
         The joint fit of the kept views, and its camera.
     common
