@@ -52,6 +52,8 @@ _WARM_UP, _WARM_UP_HZ = 2000, 250.0
 _FEWEST = 150
 _ROUNDS = 5  # of all cases of a rate, so that what disturbs the machine disturbs all of them
 
+Table = tuple[str, Row, list[Row]]
+
 _WIDTH = 170
 _TITLE = 'pose_node under load, measured'
 _COMMAND = 'python -m benchmarks.node'
@@ -64,6 +66,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         '--messages', type=int, default=100_000, help='for the memory; default: %(default)s'
     )
+    parser.add_argument('--points', type=int, nargs='+', choices=POINTS, default=POINTS)
+    parser.add_argument('--rates', type=int, nargs='+', metavar='HZ', default=RATES_HZ)
+    parser.add_argument('--latency-only', action='store_true', help='no highest rate, no memory')
     parser.add_argument('--markdown', type=Path, metavar='FILE', help='write the tables there too')
     options = parser.parse_args(arguments)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -71,26 +76,30 @@ def main(arguments: list[str] | None = None) -> int:
     console.width = max(console.width, _WIDTH)
     rclpy.init()
     try:
-        latencies: list[Row] = []
-        for points in POINTS:
-            with _loads(views_of(points)) as (views, loads):
-                latencies += _latencies(console, views, loads, options.seconds)
-                if points == LADDER_POINTS:
-                    rates = _highest_rates(console, views, loads, options.seconds)
-                    memory = _memory(views, loads[SELF_CALIBRATE], options.messages)
+        tables, notes = _measured(console, options)
     finally:
         rclpy.try_shutdown()
-    tables = [
-        ('Latency', LATENCY_HEADER, latencies),
-        (f'Highest rate, {LADDER_POINTS} points', RATE_HEADER, rates),
-    ]
     for title, header, rows in tables:
         console.print(table_of(title, header, rows))
-    notes = [memory, NOTE]
     console.print(*notes, sep='\n', soft_wrap=True)
     if options.markdown:
         options.markdown.write_text(page_of(_TITLE, _COMMAND, tables, notes), encoding='utf-8')
     return 0
+
+
+def _measured(console: Console, options: argparse.Namespace) -> tuple[list[Table], list[str]]:
+    """Return the tables and the notes below them."""
+    latencies: list[Row] = []
+    tables: list[Table] = [('Latency', LATENCY_HEADER, latencies)]
+    notes = [NOTE]
+    for points in options.points:
+        with _loads(views_of(points)) as (views, loads):
+            latencies += _latencies(console, views, loads, options)
+            if points == LADDER_POINTS and not options.latency_only:
+                rates = _highest_rates(console, views, loads, options.seconds)
+                tables.append((f'Highest rate, {LADDER_POINTS} points', RATE_HEADER, rates))
+                notes.insert(0, _memory(views, loads[SELF_CALIBRATE], options.messages))
+    return tables, notes
 
 
 @contextmanager
@@ -137,7 +146,7 @@ def _start(name: str, namespace: str, log: Path) -> MeasuredProcess:
 
 
 def _latencies(
-    console: Console, views: Views, loads: dict[str, Load], seconds: float
+    console: Console, views: Views, loads: dict[str, Load], options: argparse.Namespace
 ) -> Iterator[Row]:
     """Measure each mode at each rate, and the bare transport at that rate, in turns."""
     cases = [
@@ -147,8 +156,8 @@ def _latencies(
         (SELF_CALIBRATE, 'still', views.still),
         (PER_FRAME, 'moving', views.moving),
     ]
-    for rate_hz in RATES_HZ:
-        count = max(_FEWEST, round(rate_hz * seconds)) // _ROUNDS
+    for rate_hz in options.rates:
+        count = max(_FEWEST, round(rate_hz * options.seconds)) // _ROUNDS
         rounds = [
             [loads[mode].at_rate(messages, rate_hz, count) for mode, _, messages in cases]
             for _ in range(_ROUNDS)
