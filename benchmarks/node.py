@@ -15,7 +15,7 @@
 """
 pose_node under load, over DDS: how long a pose takes, how many a second, how much memory.
 
-    python -m benchmarks.node [--seconds S] [--messages N] [--markdown FILE]
+    python -m benchmarks.node [--points N ...] [--rates HZ ...] [--markdown FILE] [--help]
 
 Real processes: the node, one that echoes for comparison, and this one, which sends and receives.
 """
