@@ -53,12 +53,13 @@ POSE_NODE = {
         'The other poses that explain the view as well; empty where there are none.'
     ),
     '~/camera_info': (
-        'The camera that was found, in a model that image_proc knows: `rational_polynomial`, or '
-        '`equidistant` for wide lenses. It comes whenever the camera has become better, and is '
-        'kept for whoever subscribes later.'
+        'The camera that is in use, in a model that image_proc knows: `rational_polynomial`, or '
+        '`equidistant` for wide lenses. It comes whenever the camera has become another or a '
+        'better one, and is kept for whoever subscribes later; K is 0 once it is forgotten.'
     ),
     '~/camera_info_division': (
-        'The same camera as it is: `distortion_model` is `division`, D is [k] or [k, k2, k3].'
+        'The same camera as it is: `distortion_model` is `division`, D is [k] or [k, k2, k3]. K is '
+        '0 where the camera in use is of another model.'
     ),
     '~/markers': (
         "The board's outline (amber where the pose is not sure), its axes, its points coloured by "
