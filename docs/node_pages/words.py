@@ -58,8 +58,8 @@ POSE_NODE = {
         'better one, and is kept for whoever subscribes later; K is 0 once it is forgotten.'
     ),
     '~/camera_info_division': (
-        'The same camera as it is: `distortion_model` is `division`, D is [k] or [k, k2, k3]. K is '
-        '0 where the camera in use is of another model.'
+        'The same camera as it is: `distortion_model` is `division`, D is [k] or [k, k2, k3]. K '
+        'is 0 where the camera in use is of another model.'
     ),
     '~/markers': (
         "The board's outline (amber where the pose is not sure), its axes, its points coloured by "
