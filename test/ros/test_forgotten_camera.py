@@ -52,5 +52,8 @@ def test_what_has_to_do_with_it_must_bring_a_camera(node):
     refused = set_parameter(node, 'intrinsics.k', -0.1)
     assert not refused.successful
     assert 'intrinsics.focal_px: expected > 0 in the mode fixed' in refused.reason
+    tiny = set_parameter(node, 'intrinsics.focal_px', 1e-6)
+    assert not tiny.successful
+    assert 'expected at least 0.001 px' in tiny.reason
     assert set_parameter(node, 'intrinsics.focal_px', 500.0).successful
     assert set_parameter(node, 'intrinsics.mode', 'self_calibrate').successful
