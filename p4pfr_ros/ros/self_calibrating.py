@@ -84,9 +84,9 @@ class SelfCalibrating:
         self._loaded = loaded
         self._calibration: SelfCalibration | None = None
         self._settings: tuple[RansacOptions, CalibrationOptions] | None = None
-        self._of_other_sizes: dict[tuple[int, int], CameraEstimate] = {}
+        self._known_by_size: dict[tuple[int, int], CameraEstimate] = {}
         if loaded is not None and loaded.estimate is not None:
-            self._of_other_sizes[loaded.image_size] = loaded.estimate
+            self._known_by_size[loaded.image_size] = loaded.estimate
 
     @property
     def state(self) -> CalibrationState:
@@ -97,7 +97,7 @@ class SelfCalibrating:
     @property
     def knows_any(self) -> bool:
         """Whether a camera was loaded or has been found."""
-        known = self._of_other_sizes or self.fused is not None
+        known = self._known_by_size or self.fused is not None
         return self._loaded is not None or bool(known)
 
     @property
@@ -125,7 +125,7 @@ class SelfCalibrating:
         self._begin(image_size, settings)
         if before.image_size == image_size:
             return News()
-        again = image_size in self._of_other_sizes
+        again = image_size in self._known_by_size
         return News(remark=_other_size(before.image_size, image_size, again), restarted=True)
 
     def answer(
@@ -150,7 +150,7 @@ class SelfCalibrating:
         """Return the camera as it is known now, for who does not want it to change."""
         if self.image_size == image_size and self.fused is not None:
             return self.fused.camera
-        known, loaded = self._of_other_sizes.get(image_size), self._loaded
+        known, loaded = self._known_by_size.get(image_size), self._loaded
         if known is not None:
             return known.camera
         if loaded is not None and loaded.image_size == image_size:
@@ -160,7 +160,7 @@ class SelfCalibrating:
     def reset(self) -> None:
         """Forget what was found, and what was loaded."""
         self._loaded = None
-        self._of_other_sizes.clear()
+        self._known_by_size.clear()
         if self._calibration is not None:
             self._calibration.reset()
 
@@ -169,26 +169,26 @@ class SelfCalibrating:
     ) -> None:
         self._settings = robust, options = settings
         self._calibration = SelfCalibration(image_size, options=options, robust=robust)
-        known = self._of_other_sizes.get(image_size)
+        known = self._known_by_size.get(image_size)
         if known is not None:
             self._calibration.adopt(known)
 
     def _remember(self, image_size: tuple[int, int], estimate: CameraEstimate) -> None:
-        self._of_other_sizes.pop(image_size, None)
-        self._of_other_sizes[image_size] = estimate
-        if len(self._of_other_sizes) > _MOST_SIZES:
-            del self._of_other_sizes[next(iter(self._of_other_sizes))]
+        self._known_by_size.pop(image_size, None)
+        self._known_by_size[image_size] = estimate
+        if len(self._known_by_size) > _MOST_SIZES:
+            del self._known_by_size[next(iter(self._known_by_size))]
 
     def _news(self, calibration: SelfCalibration) -> News:
         fused, restarted = calibration.fused, calibration.verdict is Verdict.RESTARTED
         if restarted:  # so has what pictures of other sizes had told of it
-            self._of_other_sizes.clear()
+            self._known_by_size.clear()
         camera = None if fused is None else fused.camera
         return News(camera, _CHANGED if restarted else None, restarted)
 
     def _not_of_this_size(self, image_size: tuple[int, int]) -> Rejected | None:
         """Say that there is a camera, but not one of pictures of this size."""
-        known = [*self._of_other_sizes]
+        known = [*self._known_by_size]
         if self._loaded is not None:
             known.append(self._loaded.image_size)
         return None if image_size in known or not known else _other_size(known[-1], image_size)

@@ -53,7 +53,7 @@ def test_a_size_that_comes_back_brings_its_camera_back():
     for width in range(641, 660):
         other = View(view.image_points, view.board_points, (width, 480), 10)
         modes._intrinsics.answer(other, SELF_CALIBRATE).news()
-    assert len(modes.found._of_other_sizes) <= 8
+    assert len(modes.found._known_by_size) <= 8
 
 
 def test_a_loaded_calibration_of_another_size_is_remarked_upon():
