@@ -48,7 +48,7 @@ demo: venv
 # What talks over DDS comes by itself: its processes want the cores that the others would take.
 # Two at a time, module by module, each in a DDS domain of its own: they mostly wait.
 test: venv
-	$(BIN)/python -c 'from p4pfr_ros.ros.warm_up import warm_up; warm_up()' & compiler=$$!; \
+	$(BIN)/python -c 'from p4pfr_ros.ros.runtime.warm_up import warm_up; warm_up()' & compiler=$$!; \
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 1 test/core; status=$$?; \
 	wait $$compiler && exit $$status
 	$(BIN)/python -m pytest -m 'not dds' -n auto --dist loadscope

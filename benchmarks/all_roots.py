@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Counts of the sextic's real roots with f² > 0, by the signs that are asked of them."""
 
@@ -20,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros.core.cone import board_weights
 from p4pfr_ros.core.geometry import Array, Mask
 from p4pfr_ros.core.jit import jit
-from p4pfr_ros.core.minimal import Workspace, workspace
-from p4pfr_ros.core.normalise import board_duals, scale_image
-from p4pfr_ros.core.sextic import coefficients, factors
+from p4pfr_ros.core.minimal.cone import board_weights
+from p4pfr_ros.core.minimal.normalise import board_duals, scale_image
+from p4pfr_ros.core.minimal.sextic import coefficients, factors
+from p4pfr_ros.core.minimal.solver import Workspace, workspace
 
 Complexes = NDArray[np.complex128]
 

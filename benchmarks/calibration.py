@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Self-calibration in three tables: how good, how fast, and on lenses that are not of our model.
@@ -29,10 +18,10 @@ import time
 import cv2
 import numpy as np
 from p4pfr_ros import DivisionCamera, SelfCalibration, Verdict
-from p4pfr_ros.core.camera_views import camera_view, drawn_camera, fit_from_the_truth, grid
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.core.synthetic import IMAGE_SIZE
-from p4pfr_ros.core.views import View
+from p4pfr_ros.scenes.camera_views import camera_view, drawn_camera, fit_from_the_truth, grid
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
+from p4pfr_ros.scenes.single_view import View
 from rich.progress import track
 
 from .calibration_wide import wide_rows
@@ -104,7 +93,7 @@ def _time_table() -> Measured:
     calibration = SelfCalibration(IMAGE_SIZE)
     for view in views[:40]:
         calibration.update(view.image_points, view.board_points)
-    times: dict[Verdict, list[float]] = {Verdict.KEPT: [], Verdict.KNOWN: []}
+    times: dict[Verdict, list[float]] = {Verdict.USED: [], Verdict.REDUNDANT: []}
     for view in views[40:]:
         seconds = _seconds(calibration, view)
         times[calibration.verdict].append(seconds)
@@ -114,8 +103,8 @@ def _time_table() -> Measured:
     rows = [
         (name, f'{1e3 * np.median(seconds):.2f}', f'{opencv / np.median(seconds):.0f}')
         for name, seconds in (
-            ('a view after which all 40 are fitted anew', times[Verdict.KEPT]),
-            ('a view that is remembered', times[Verdict.KNOWN]),
+            ('a view after which all 40 are fitted anew', times[Verdict.USED]),
+            ('a view that is remembered', times[Verdict.REDUNDANT]),
             ('cv2.calibrateCamera, 40 views at once', [opencv]),
         )
     ]

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Self-calibration of fisheye lenses, which the division polynomial only approaches."""
 
@@ -20,11 +9,11 @@ import math
 from typing import Any
 
 import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, RansacOptions, SelfCalibration
-from p4pfr_ros.core.camera_info_model import CameraInfoModel
-from p4pfr_ros.core.camera_views import camera_view, grid
-from p4pfr_ros.core.synthetic import IMAGE_SIZE
-from p4pfr_ros.core.views import View
+from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, SelfCalibration
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
+from p4pfr_ros.scenes.camera_views import camera_view, grid
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
+from p4pfr_ros.scenes.single_view import View
 
 from .tables import Measured, Row
 
@@ -32,7 +21,7 @@ _FIELDS_OF_VIEW_DEG = (100, 130, 150)
 _VIEWS, _HELD_OUT = 18, 10
 _NOISE_PX = 0.3
 _CORNER_PX = 0.5 * math.hypot(*IMAGE_SIZE)
-_EVERYTHING = RansacOptions(threshold_px=100.0)
+_EVERYTHING = EstimateOptions(threshold_px=100.0)
 
 HEADER = (
     'field of view',

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 How a real camera calibrates itself, photograph by photograph; draws docs/convergence.png.
@@ -32,15 +21,15 @@ import cv2
 import matplotlib as mpl
 from matplotlib.figure import Figure
 import numpy as np
-from p4pfr_ros import CameraEstimate, RansacOptions
+from p4pfr_ros import CameraEstimate, EstimateOptions
 from p4pfr_ros.boards import Board
-from p4pfr_ros.calibration_history import draw_history
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
-from p4pfr_ros.figure_style import STYLE
-from p4pfr_ros.files import load_board
-from p4pfr_ros.image_files import Picture, read_image
-from p4pfr_ros.picture_calibration import NamedPicture, PictureCalibration, Sighting
+from p4pfr_ros.files.boards import load_board
+from p4pfr_ros.files.images import ImageArray, read_image
+from p4pfr_ros.report.calibration_history import draw_history
+from p4pfr_ros.report.calibration_run import NamedPicture, PictureCalibration, Sighting
+from p4pfr_ros.report.figure_style import STYLE
 
 _ROOT = Path(__file__).parent.parent
 BOARD = _ROOT / 'config/boards/chessboard_9x6_25mm.yaml'
@@ -75,20 +64,20 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def read_photos(folder: Path) -> dict[str, Picture]:
+def read_photos(folder: Path) -> dict[str, ImageArray]:
     """Read the photographs, by name, in the order of their names."""
     return {path.name: read_image(path) for path in sorted(folder.glob('left*.jpg'))}
 
 
-def converge(photos: Mapping[str, Picture], board: Board) -> list[Sighting]:
+def converge(photos: Mapping[str, ImageArray], board: Board) -> list[Sighting]:
     """Show the photographs to a calibration, one after another."""
-    pictures = PictureCalibration(board, RansacOptions())
+    pictures = PictureCalibration(board, EstimateOptions())
     for name, photo in photos.items():
         pictures.look_at(NamedPicture(name, photo))
     return pictures.sightings
 
 
-def opencv(photos: Mapping[str, Picture], board: Board, corners_px: Sequence[Array]) -> Camera:
+def opencv(photos: Mapping[str, ImageArray], board: Board, corners_px: Sequence[Array]) -> Camera:
     """Calibrate by OpenCV: all photographs at once, square pixels, five coefficients."""
     height, width = next(iter(photos.values())).shape[:2]
     on_board = np.pad(board.points, ((0, 0), (0, 1))).astype(np.float32)
@@ -103,13 +92,13 @@ def opencv(photos: Mapping[str, Picture], board: Board, corners_px: Sequence[Arr
     return float(matrix[0, 0]), float(matrix[0, 2]), float(matrix[1, 2])
 
 
-def corners_of(photo: Picture, board: Board) -> Array:
+def corners_of(photo: ImageArray, board: Board) -> Array:
     """Return our corners of a photograph, (N, 2) px, in the order of the board's points."""
     found = detect(photo, board)
     return found.image_points[np.argsort(found.ids)]
 
 
-def _theirs(photo: Picture) -> Array:
+def _theirs(photo: ImageArray) -> Array:
     grey = cv2.cvtColor(photo, cv2.COLOR_BGR2GRAY)
     _, rough = cv2.findChessboardCorners(grey, _PATTERN)
     corners: Array = cv2.cornerSubPix(grey, rough, _WINDOW_PX, (-1, -1), _STOP).reshape(-1, 2)

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 docs/markers.png: what pose_node publishes on ~/markers, drawn from the message itself.
@@ -29,7 +18,7 @@ from matplotlib.figure import Figure
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, Pose
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.figure_style import STYLE
+from p4pfr_ros.report.figure_style import STYLE
 from p4pfr_ros.ros.conversions import Correspondences
 from p4pfr_ros.ros.conversions.markers import markers_msg
 from std_msgs.msg import Header

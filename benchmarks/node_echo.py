@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 The bare transport, for comparison: a node that answers at once, with a message like pose_node's.
@@ -23,8 +12,8 @@ from __future__ import annotations
 from typing import Any
 
 from geometry_msgs.msg import PolygonStamped, PoseWithCovarianceStamped
-from p4pfr_ros.ros.endpoints import advertise, subscribe
-from p4pfr_ros.ros.spin import run
+from p4pfr_ros.ros.runtime.endpoints import advertise, subscribe
+from p4pfr_ros.ros.runtime.spin import run
 from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 

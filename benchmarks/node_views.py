@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Messages for the benchmark of pose_node, made before anything is measured."""
 
@@ -26,7 +15,7 @@ from p4pfr_ros import DivisionCamera
 from p4pfr_ros.boards import Board, Chessboard, Marker
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.ros.conversions import cloud_msg
-from p4pfr_ros.ros.simulated_path import SimulatedPath
+from p4pfr_ros.scenes.board_path import SimulatedPath
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What a user calls today, as the unit of time: OpenCV on the same kind of views."""
 
@@ -23,8 +12,8 @@ import cv2
 import numpy as np
 from p4pfr_ros import estimate_pose, Pose
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.core.synthetic import IMAGE_SIZE
-from p4pfr_ros.core.views import View, view
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
+from p4pfr_ros.scenes.single_view import View, view
 
 # What is timed, by name: one call after another.
 Calls = dict[str, list[Callable[[], object]]]

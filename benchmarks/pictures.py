@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 The pictures of docs/derivation.md, from one instance.
@@ -27,13 +16,13 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 from matplotlib.figure import Figure
 import numpy as np
-from p4pfr_ros.core.cone import board_weights, depth_cone
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.core.minimal import workspace
-from p4pfr_ros.core.normalise import board_duals, scale_image
-from p4pfr_ros.core.sextic import coefficients, evaluate, Factors, factors
-from p4pfr_ros.core.synthetic import instances
-from p4pfr_ros.figure_style import STYLE
+from p4pfr_ros.core.minimal.cone import board_weights, depth_cone
+from p4pfr_ros.core.minimal.normalise import board_duals, scale_image
+from p4pfr_ros.core.minimal.sextic import coefficients, evaluate, Factors, factors
+from p4pfr_ros.core.minimal.solver import workspace
+from p4pfr_ros.report.figure_style import STYLE
+from p4pfr_ros.scenes.instances import instances
 
 _DOCS = Path(__file__).parent.parent / 'docs'
 

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """One cell of the robust benchmark: the same scenes for the package and for the ideal."""
 
@@ -22,13 +11,13 @@ import time
 
 import numpy as np
 from p4pfr_ros import estimate_pose, Pose, PoseEstimate, Solution
-from p4pfr_ros.core.free_camera import Gates
 from p4pfr_ros.core.geometry import Array, rotation_angle_rad
-from p4pfr_ros.core.least_squares import least_squares_room, minimise
-from p4pfr_ros.core.problem import free_problem
-from p4pfr_ros.core.solution import G, H, ROW_SIZE, solution_from_row, TRANSLATION
-from p4pfr_ros.core.synthetic import IMAGE_SIZE
-from p4pfr_ros.core.views import View, view
+from p4pfr_ros.core.minimal.solution import G, H, ROW_SIZE, solution_from_row, TRANSLATION
+from p4pfr_ros.core.one_view.free_camera import Gates
+from p4pfr_ros.core.one_view.least_squares import least_squares_room, minimise
+from p4pfr_ros.core.one_view.problem import free_problem
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
+from p4pfr_ros.scenes.single_view import View, view
 
 _ANY_CAMERA = Gates(800.0, 0.0, math.pi, math.inf)
 _STEPS = 200

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Time per solve, in units of one 6x6 np.linalg.eigvals of the same run."""
 
@@ -24,7 +13,7 @@ import time
 import numpy as np
 from p4pfr_ros import solve_p4pfr, solve_p4pfr_batch
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.core.synthetic import Instances
+from p4pfr_ros.scenes.instances import Instances
 
 # A block takes a millisecond or two: short enough that the machine's mood lasts for the two of a
 # pair, long enough that the clock does not count.

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 The instances of the paper's residual figure, solved: board and image points standard normal.
@@ -24,15 +13,15 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from p4pfr_ros.core.cone import board_weights, depth_cone
 from p4pfr_ros.core.geometry import Array, Ints
 from p4pfr_ros.core.jit import jit
-from p4pfr_ros.core.minimal import solve_minimal, Workspace, workspace
-from p4pfr_ros.core.normalise import board_duals, scale_image
-from p4pfr_ros.core.recover import pose_from_root
-from p4pfr_ros.core.roots import feasible_roots, MAX_ROOTS
-from p4pfr_ros.core.sextic import factors
-from p4pfr_ros.core.solution import ROW_SIZE
+from p4pfr_ros.core.minimal.cone import board_weights, depth_cone
+from p4pfr_ros.core.minimal.normalise import board_duals, scale_image
+from p4pfr_ros.core.minimal.pose import pose_from_root
+from p4pfr_ros.core.minimal.roots import feasible_roots, MAX_ROOTS
+from p4pfr_ros.core.minimal.sextic import factors
+from p4pfr_ros.core.minimal.solution import ROW_SIZE
+from p4pfr_ros.core.minimal.solver import solve_minimal, Workspace, workspace
 
 
 @dataclass(frozen=True, slots=True, eq=False)

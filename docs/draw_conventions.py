@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 The picture of docs/conventions.md, from the numbers that the tests hold.
@@ -32,8 +21,8 @@ from matplotlib.patheffects import withStroke
 import numpy as np
 from p4pfr_ros.boards import Marker
 from p4pfr_ros.boards.conventions import Convention, CONVENTIONS, CORNER_ORDERS
-from p4pfr_ros.figure_style import STYLE
 from p4pfr_ros.rendering.pattern import black_quads
+from p4pfr_ros.report.figure_style import STYLE
 
 TAG = Marker(id=0, size_m=1.0, dictionary='DICT_APRILTAG_36h11')
 # Of x, y and z, as everywhere in ROS.

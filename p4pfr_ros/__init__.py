@@ -1,29 +1,34 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
-"""Pose, focal length and distortion from one view of a flat marker or board. No ROS in here."""
+"""
+Pose, focal length and distortion from one view of a flat marker or board. Never imports ROS.
 
-from .core.calibration import SelfCalibration
-from .core.calibration_terms import CalibrationOptions, CalibrationState, KeptView, Verdict
-from .core.camera import DivisionCamera
-from .core.camera_estimate import CameraEstimate
-from .core.estimate import PoseEstimate, RansacOptions, Stop
+The solver needs NumPy and Numba alone. ``detect`` (OpenCV), ``load_boards`` and
+``load_calibration`` (PyYAML) are imported on first use.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any, TYPE_CHECKING
+
+from .core.cameras.camera_info import CameraInfoModel
+from .core.cameras.division import DivisionCamera
 from .core.geometry import Pose
-from .core.minimal import SolutionBatch, solve_p4pfr, solve_p4pfr_batch
-from .core.observability import Observability
-from .core.robust import estimate_pose
-from .core.solution import Solution
+from .core.many_views.camera_estimate import CameraEstimate
+from .core.many_views.results import CalibrationOptions, CalibrationState, Keyframe, Verdict
+from .core.many_views.self_calibration import SelfCalibration
+from .core.minimal.solution import Solution
+from .core.minimal.solver import SolutionBatch, solve_p4pfr, solve_p4pfr_batch
+from .core.one_view.estimate_pose import estimate_pose
+from .core.one_view.observability import Observability
+from .core.one_view.results import EstimateOptions, PoseEstimate, Status
+
+if TYPE_CHECKING:
+    from .detection import detect
+    from .files.boards import load_boards
+    from .files.calibration import load_calibration
 
 __version__ = '0.1.0'
 
@@ -31,18 +36,36 @@ __all__ = [
     'CalibrationOptions',
     'CalibrationState',
     'CameraEstimate',
+    'CameraInfoModel',
     'DivisionCamera',
-    'KeptView',
+    'EstimateOptions',
+    'Keyframe',
     'Observability',
     'Pose',
     'PoseEstimate',
-    'RansacOptions',
     'SelfCalibration',
     'Solution',
     'SolutionBatch',
-    'Stop',
+    'Status',
     'Verdict',
+    'detect',
     'estimate_pose',
+    'load_boards',
+    'load_calibration',
     'solve_p4pfr',
     'solve_p4pfr_batch',
 ]
+
+_ON_FIRST_USE = {
+    'detect': '.detection',
+    'load_boards': '.files.boards',
+    'load_calibration': '.files.calibration',
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ON_FIRST_USE:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    value = getattr(importlib.import_module(_ON_FIRST_USE[name], __name__), name)
+    globals()[name] = value
+    return value

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Pictures come out of recordings as they went in, and broken recordings are named."""
 
@@ -20,9 +9,9 @@ import subprocess
 import sys
 
 import numpy as np
-from p4pfr_ros.bags import ImageBag
-from p4pfr_ros.files import ConfigError
-from p4pfr_ros.pixel_formats import Unreadable
+from p4pfr_ros.files.bags import ImageBag
+from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.pixel_formats import Unreadable
 import pytest
 import recorded
 
@@ -169,11 +158,11 @@ def test_what_is_no_recording_is_named(tmp_path):
 def test_without_the_library_it_says_what_to_install():
     code = (
         "import sys; sys.modules['rosbags'] = None\n"
-        'from p4pfr_ros.bags import ImageBag\n'
+        'from p4pfr_ros.files.bags import ImageBag\n'
         "ImageBag('bag')"
     )
     err = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True).stderr
     assert err.splitlines()[-1] == (
-        'p4pfr_ros.files.ConfigError: recordings are read by the library rosbags: '
+        'p4pfr_ros.files.boards.ConfigError: recordings are read by the library rosbags: '
         "pip install 'p4pfr_ros[bags]'"
     )

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Calibration files: what goes in comes out, others' are read, and none is ever half a file."""
 
@@ -22,11 +11,11 @@ import time
 
 import numpy as np
 from p4pfr_ros import DivisionCamera
-from p4pfr_ros.atomic_files import write_atomically
-from p4pfr_ros.calibration_file import Calibration, load_calibration, save_calibration
-from p4pfr_ros.core.camera_estimate import CameraEstimate
-from p4pfr_ros.core.camera_info_model import CameraInfoModel
-from p4pfr_ros.files import ConfigError
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
+from p4pfr_ros.core.many_views.camera_estimate import CameraEstimate
+from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
+from p4pfr_ros.files.writing import write_atomically
 import pytest
 import yaml
 
@@ -228,7 +217,7 @@ def test_a_disk_that_fills_up_leaves_the_old_file(path):
     path.write_text('old')
     code = f"""
 import resource, signal
-from p4pfr_ros.atomic_files import write_atomically
+from p4pfr_ros.files.writing import write_atomically
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 write_atomically({str(path)!r}, 'new' * 1000)
@@ -245,7 +234,7 @@ def test_killed_while_saving_leaves_a_whole_file(path):
     texts = ['a' * 3_000_000, 'b' * 2_000_000]
     write_atomically(path, texts[0])
     code = f"""
-from p4pfr_ros.atomic_files import write_atomically
+from p4pfr_ros.files.writing import write_atomically
 print('ready', flush=True)
 while True:
     for text in ('a' * 3_000_000, 'b' * 2_000_000):

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The report of a calibration shows what it says it shows."""
 
@@ -19,12 +8,11 @@ import xml.etree.ElementTree as ET
 
 from matplotlib.figure import Figure
 import numpy as np
-from p4pfr_ros import CameraEstimate, DivisionCamera, RansacOptions, Verdict
-from p4pfr_ros.calibration_history import draw_history
-from p4pfr_ros.calibration_plot import report, write_report
-from p4pfr_ros.files import ConfigError, load_board
-from p4pfr_ros.image_files import read_image
-from p4pfr_ros.picture_calibration import (
+from p4pfr_ros import CameraEstimate, DivisionCamera, EstimateOptions, Verdict
+from p4pfr_ros.files.boards import ConfigError, load_board
+from p4pfr_ros.files.images import read_image
+from p4pfr_ros.report.calibration_history import draw_history
+from p4pfr_ros.report.calibration_run import (
     COLUMNS,
     coverage,
     NamedPicture,
@@ -32,6 +20,7 @@ from p4pfr_ros.picture_calibration import (
     ROWS,
     Sighting,
 )
+from p4pfr_ros.report.plots import report, write_report
 import pytest
 from rendered import CHESSBOARD, write_views
 
@@ -42,13 +31,13 @@ COUNT = 4
 @pytest.fixture(scope='module')
 def pictures(tmp_path_factory):
     """Give a calibration from a few views."""
-    found = PictureCalibration(load_board(CHESSBOARD), RansacOptions())
+    found = PictureCalibration(load_board(CHESSBOARD), EstimateOptions())
     for path in write_views(tmp_path_factory.mktemp('views'), COUNT):
         found.look_at(NamedPicture(path.name, read_image(path)))
     return found
 
 
-def sighting(number, focal_px, sigma_px, center_sigma_px=1.0, verdict=Verdict.KEPT):
+def sighting(number, focal_px, sigma_px, center_sigma_px=1.0, verdict=Verdict.USED):
     """Make a view after which the camera was so."""
     sigmas = np.array([sigma_px, center_sigma_px, center_sigma_px, 0.01, 0.0, 0.0])
     camera = DivisionCamera(focal_px, (320.0 + number, 240.0 - number), -0.2)

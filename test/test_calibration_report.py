@@ -1,24 +1,13 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What ``p4pfr calibrate`` prints of many views."""
 
 import numpy as np
-from p4pfr_ros import CameraEstimate, DivisionCamera, RansacOptions, Verdict
+from p4pfr_ros import CameraEstimate, DivisionCamera, EstimateOptions, Verdict
 from p4pfr_ros.cli.calibration_report import print_misses, print_views
-from p4pfr_ros.files import load_board
-from p4pfr_ros.picture_calibration import Miss, PictureCalibration, Sighting
+from p4pfr_ros.files.boards import load_board
+from p4pfr_ros.report.calibration_run import Miss, PictureCalibration, Sighting
 import pytest
 from rendered import CHESSBOARD
 
@@ -29,7 +18,7 @@ HELD_CENTER = CameraEstimate(
 
 def table_of(verdicts, capsys):
     """Print a view for each verdict; give the lines."""
-    pictures = PictureCalibration(load_board(CHESSBOARD), RansacOptions())
+    pictures = PictureCalibration(load_board(CHESSBOARD), EstimateOptions())
     pictures.sightings = [
         Sighting(n, f'view{n}', 54, 53, 0.25, verdict, HELD_CENTER)
         for n, verdict in enumerate(verdicts, 1)
@@ -39,16 +28,16 @@ def table_of(verdicts, capsys):
 
 
 def test_a_row_says_everything_of_a_view(capsys):
-    *_, row = (line for line in table_of([Verdict.KEPT], capsys) if 'view1' in line)
+    *_, row = (line for line in table_of([Verdict.USED], capsys) if 'view1' in line)
     cells = ' '.join(row.split())
     assert cells == '1 view1 54 53 0.250 500.0 ± 2.0 kept'
 
 
 @pytest.mark.parametrize(('count', 'shown'), [(98, 100), (99, 2)])
 def test_of_many_views_those_that_changed_nothing_are_counted(capsys, count, shown):
-    lines = table_of([Verdict.KEPT, *[Verdict.KNOWN] * count, Verdict.OUTLIER], capsys)
+    lines = table_of([Verdict.USED, *[Verdict.REDUNDANT] * count, Verdict.OUTLIER], capsys)
     assert sum('view' in line and '±' in line for line in lines) == shown
-    assert f'{count} known: {Verdict.KNOWN.value}' in lines
+    assert f'{count} known: {Verdict.REDUNDANT.value}' in lines
     assert f'1 outlier: {Verdict.OUTLIER.value}' in lines
 
 

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What OpenCV, and so image_proc, makes of our models: it is the same camera."""
 
@@ -19,9 +8,8 @@ import cv2
 import numpy as np
 from p4pfr_ros import DivisionCamera, Pose
 from p4pfr_ros.boards import Chessboard
-from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.detection import detect
-from p4pfr_ros.known_lens import undistorted_rays
 from p4pfr_ros.rendering import render
 import pytest
 
@@ -114,7 +102,8 @@ def test_undistorted_points_are_projected_back_by_opencv(kind, coefficients):
     """Ours is the way back, OpenCV's the way there."""
     model = CameraInfoModel(kind, coefficients, (900.0, 905.0), (650.0, 470.0), 0.0, SIZE)
     points = np.random.default_rng(4).uniform((0, 0), SIZE, (500, 2))
-    rays = np.column_stack([undistorted_rays(model, points), np.ones(500)])
+    rays = model.unproject(points)
+    rays /= rays[:, 2:]
     project = cv2.fisheye.projectPoints if kind == 'equidistant' else cv2.projectPoints
     k, d = matrix(model.focal_px, model.center_px), np.array(coefficients)
     back = project(rays[:, None], np.zeros(3), np.zeros(3), k, d)[0][:, 0]

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The command ``p4pfr`` as a process, and its smaller parts."""
 
@@ -24,7 +13,7 @@ import sys
 
 import cv2
 from p4pfr_ros.cli import main
-from p4pfr_ros.image_files import read_image
+from p4pfr_ros.files.images import read_image
 import pytest
 from rendered import CHESSBOARD, write_empty
 

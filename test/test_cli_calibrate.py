@@ -1,26 +1,15 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """``p4pfr calibrate`` on rendered pictures."""
 
 import json
 
 import numpy as np
-from p4pfr_ros.calibration_file import load_calibration
 from p4pfr_ros.cli import main
-from p4pfr_ros.image_files import read_image
-from p4pfr_ros.plus_minus import plus_minus
+from p4pfr_ros.files.calibration import load_calibration
+from p4pfr_ros.files.images import read_image
+from p4pfr_ros.report.plus_minus import plus_minus
 import pytest
 from rendered import CHESSBOARD, FOCAL_PX, K, write_empty, write_scene, write_views
 

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 import re
 import struct
@@ -20,15 +9,15 @@ from board_views import BOARDS, CAMERAS, CENTER, distance_m, project, seen_from,
 import cv2
 import numpy as np
 from p4pfr_ros.boards import Marker
-from p4pfr_ros.core.camera import DivisionCamera
-from p4pfr_ros.core.solution import Solution
+from p4pfr_ros.core.cameras.division import DivisionCamera
+from p4pfr_ros.core.minimal.solution import Solution
 from p4pfr_ros.detection import detect
-from p4pfr_ros.drawing import annotate, straighten, straightened_camera
-from p4pfr_ros.files import ConfigError
-from p4pfr_ros.image_files import read_image
+from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.images import read_image
 from p4pfr_ros.rendering import render
 from p4pfr_ros.rendering.pattern import black_quads
 from p4pfr_ros.rendering.printing import describe, print_board
+from p4pfr_ros.report.drawing import annotate, straighten, straightened_camera
 import pytest
 
 BOARD, CAMERA, POSE = BOARDS['charuco'], CAMERAS['strong'], seen_from(0.4, (0.3, 0.2), 0.2)

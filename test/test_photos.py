@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Thirteen photographs of a real chessboard, through a real lens; P4PFR_DATA says where."""
 
@@ -19,8 +8,8 @@ import os
 from pathlib import Path
 
 from benchmarks import convergence
-from p4pfr_ros.calibration_file import load_calibration
 from p4pfr_ros.cli import main
+from p4pfr_ros.files.calibration import load_calibration
 import pytest
 
 BOARD = Path(__file__).parent.parent / 'config/boards/chessboard_9x6_25mm.yaml'

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Fisheye lenses, which are not of our model: OpenCV's equidistant one, computed and rendered."""
 
@@ -18,12 +7,12 @@ import math
 
 import cv2
 import numpy as np
-from p4pfr_ros import CalibrationState, estimate_pose, RansacOptions, SelfCalibration
+from p4pfr_ros import CalibrationState, estimate_pose, EstimateOptions, SelfCalibration
 from p4pfr_ros.boards import Chessboard
-from p4pfr_ros.core.camera_views import camera_view, grid
-from p4pfr_ros.core.synthetic import IMAGE_SIZE
 from p4pfr_ros.detection import detect
 from p4pfr_ros.rendering import Renderer
+from p4pfr_ros.scenes.camera_views import camera_view, grid
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
 BOARD = grid(20, 10)
@@ -82,7 +71,7 @@ def test_a_fisheye_lens_is_fitted_by_as_many_terms_as_it_wants(fov_deg, times, s
             view.image_points,
             view.board_points,
             camera=camera,
-            options=RansacOptions(threshold_px=50.0),
+            options=EstimateOptions(threshold_px=50.0),
         )
         points = np.pad(view.board_points, ((0, 0), (0, 1)))
         seen = camera.project(estimate.model.camera_from_board.transform(points))

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The made parts of the pages on our nodes: which node has which."""
 
@@ -22,7 +11,11 @@ from pathlib import Path
 from p4pfr_ros.ros.camera_simulator import CameraSimulator
 from p4pfr_ros.ros.detector_node import DetectorNode
 from p4pfr_ros.ros.lifecycle_pose_node import LifecyclePoseNode
-from p4pfr_ros.ros.options import CameraSimulatorOptions, DetectorNodeOptions, PoseNodeOptions
+from p4pfr_ros.ros.parameters.options import (
+    CameraSimulatorOptions,
+    DetectorNodeOptions,
+    PoseNodeOptions,
+)
 from p4pfr_ros.ros.pose_node import PoseNode
 
 from .interfaces import endpoints_of

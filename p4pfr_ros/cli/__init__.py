@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The command ``p4pfr``: boards on paper, poses and cameras from pictures, a demo. Without ROS."""
 
@@ -23,7 +12,7 @@ import sys
 
 from p4pfr_ros import __version__
 from p4pfr_ros.cli import board, calibrate, demo, estimate
-from p4pfr_ros.files import ConfigError
+from p4pfr_ros.files.boards import ConfigError
 
 # What a shell reports of a program that SIGINT or SIGPIPE ended: 128 + the signal's number.
 _INTERRUPTED, _PIPE_CLOSED = 130, 141

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """``p4pfr calibrate``: pictures or a recording of a board to a camera's calibration."""
 
@@ -21,8 +10,7 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 import sys
 
-from p4pfr_ros import CalibrationState, RansacOptions
-from p4pfr_ros.calibration_file import Calibration, save_calibration
+from p4pfr_ros import CalibrationState, EstimateOptions
 from p4pfr_ros.cli.arguments import add_seed, add_threshold, count
 from p4pfr_ros.cli.calibration_report import (
     print_calibration_json,
@@ -33,9 +21,10 @@ from p4pfr_ros.cli.calibration_report import (
 )
 from p4pfr_ros.cli.picture_sources import from_bag, from_files, PictureSource
 from p4pfr_ros.cli.progress import with_progress
-from p4pfr_ros.files import ConfigError, load_board
-from p4pfr_ros.picture_calibration import PictureCalibration
-from p4pfr_ros.places import check_place
+from p4pfr_ros.files.boards import ConfigError, load_board
+from p4pfr_ros.files.calibration import Calibration, save_calibration
+from p4pfr_ros.files.places import check_place
+from p4pfr_ros.report.calibration_run import PictureCalibration
 
 _EPILOG = """\
 The pictures are taken in their order, as a robot's camera would see them, and
@@ -84,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.topic and not arguments.bag:
         arguments.usage_error('--topic is of a --bag')
     _check_places(arguments)
-    robust = RansacOptions(threshold_px=arguments.threshold, seed=arguments.seed)
+    robust = EstimateOptions(threshold_px=arguments.threshold, seed=arguments.seed)
     pictures = PictureCalibration(load_board(arguments.board), robust)
     with _source(arguments) as source:
         for named in with_progress(source.pictures, source.count, prints=arguments.json):
@@ -106,7 +95,7 @@ def _check_places(arguments: argparse.Namespace) -> None:
     check_place(arguments.output)
     if arguments.plot:
         # matplotlib is behind it, which takes a while.
-        from p4pfr_ros.calibration_plot import check_ending
+        from p4pfr_ros.report.plots import check_ending
 
         check_ending(arguments.plot)
         check_place(arguments.plot)
@@ -133,7 +122,7 @@ def _write(
         reason = 'no picture shows the board' if not pictures.sightings else 'no view tells enough'
         raise ConfigError(f'{arguments.output}: not written: {reason}')
     if arguments.plot:
-        from p4pfr_ros.calibration_plot import write_report
+        from p4pfr_ros.report.plots import write_report
 
         write_report(arguments.plot, pictures.calibration, pictures.sightings)
     state = pictures.calibration.state

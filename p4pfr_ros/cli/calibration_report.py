@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """A calibration's views as a table, its result as a summary, and both as JSON lines."""
 
@@ -25,9 +14,9 @@ from typing import Any
 
 import numpy as np
 from p4pfr_ros import CameraEstimate, Verdict
-from p4pfr_ros.calibration_file import Calibration
-from p4pfr_ros.picture_calibration import coverage, Miss, PictureCalibration, Sighting
-from p4pfr_ros.plus_minus import plus_minus
+from p4pfr_ros.files.calibration import Calibration
+from p4pfr_ros.report.calibration_run import coverage, Miss, PictureCalibration, Sighting
+from p4pfr_ros.report.plus_minus import plus_minus
 
 _HEADINGS = ('points', 'inliers', 'rms, px', 'f, px', 'verdict')
 _UNKNOWN = '?'
@@ -35,7 +24,7 @@ _UNKNOWN = '?'
 _WIDTH_IN_A_FILE = 200
 # Of more views than this, those that changed nothing are counted only.
 _MOST_ROWS = 100
-_CHANGED_NOTHING = (Verdict.KNOWN, Verdict.UNUSED)
+_CHANGED_NOTHING = (Verdict.REDUNDANT, Verdict.NO_POSE)
 
 
 def print_view_json(seen: Sighting | Miss) -> None:

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """``p4pfr estimate``: pictures of a board to poses, each picture by itself."""
 
@@ -20,13 +9,13 @@ import argparse
 from pathlib import Path
 import sys
 
-from p4pfr_ros import RansacOptions
+from p4pfr_ros import EstimateOptions
 from p4pfr_ros.cli.answers import Answer, NoAnswer
 from p4pfr_ros.cli.arguments import add_seed, add_threshold, finite, positive
 from p4pfr_ros.cli.pictures import answer_from, check_names, find_pictures, Question
 from p4pfr_ros.cli.progress import with_progress
 from p4pfr_ros.cli.report import print_json_line, print_table
-from p4pfr_ros.files import ConfigError, load_board
+from p4pfr_ros.files.boards import ConfigError, load_board
 
 _EPILOG = """\
 Every picture is solved by itself: nothing is carried over from one to the next.
@@ -114,11 +103,11 @@ def _question(arguments: argparse.Namespace) -> Question:
     return Question(load_board(arguments.board), options, center, folder)
 
 
-def _options(arguments: argparse.Namespace) -> RansacOptions:
+def _options(arguments: argparse.Namespace) -> EstimateOptions:
     focal_px, focal_sigma_px = arguments.prior_focal or (None, None)
     k, k_sigma = arguments.prior_k or (0.0, None)
     try:
-        return RansacOptions(
+        return EstimateOptions(
             threshold_px=arguments.threshold,
             seed=arguments.seed,
             sigma_px=arguments.sigma,

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Pictures, each with a name: from files, or from a recording."""
 
@@ -22,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from p4pfr_ros.cli.pictures import find_pictures
-from p4pfr_ros.image_files import image_or_reason, Picture
-from p4pfr_ros.picture_calibration import NamedPicture
-from p4pfr_ros.pixel_formats import Unreadable
+from p4pfr_ros.files.images import image_or_reason, ImageArray
+from p4pfr_ros.files.pixel_formats import Unreadable
+from p4pfr_ros.report.calibration_run import NamedPicture
 
 _NS_PER_S = 1_000_000_000
 
@@ -76,7 +65,7 @@ def from_bag(path: Path, topic: str | None, every: int = 1) -> Iterator[PictureS
         See `ImageBag`; while pictures are taken, too.
 
     """
-    from p4pfr_ros.bags import ImageBag
+    from p4pfr_ros.files.bags import ImageBag
 
     with ImageBag(path, topic) as bag:
         count = -(-bag.count // every) if bag.count else None
@@ -92,5 +81,5 @@ def _seconds(stamp_ns: int) -> str:
     return f'{stamp_ns // _NS_PER_S}.{stamp_ns % _NS_PER_S:09d}'
 
 
-def _picture_or_reason(picture: Picture | Unreadable) -> Picture | str:
+def _picture_or_reason(picture: ImageArray | Unreadable) -> ImageArray | str:
     return picture.reason if isinstance(picture, Unreadable) else picture

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """From a picture's file to what is to be said of it."""
 
@@ -20,13 +9,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from p4pfr_ros import estimate_pose, RansacOptions
+from p4pfr_ros import estimate_pose, EstimateOptions
 from p4pfr_ros.boards import Board
 from p4pfr_ros.cli.answers import Answer, NoAnswer
 from p4pfr_ros.detection import detect
-from p4pfr_ros.drawing import annotate
-from p4pfr_ros.files import ConfigError
-from p4pfr_ros.image_files import image_or_reason, write_image
+from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.images import image_or_reason, write_image
+from p4pfr_ros.report.drawing import annotate
 
 _SUFFIXES = {'.bmp', '.jpeg', '.jpg', '.pbm', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp'}
 
@@ -36,7 +25,7 @@ class Question:
     """What is asked of each picture; center_px and draw_folder are optional."""
 
     board: Board
-    options: RansacOptions
+    options: EstimateOptions
     center_px: tuple[float, float] | None
     draw_folder: Path | None
 
@@ -105,7 +94,7 @@ def answer_from(path: Path, question: Question) -> Answer | NoAnswer:
         options=question.options,
     )
     if estimate.model is None:
-        return NoAnswer(path, estimate.stop.value)
+        return NoAnswer(path, estimate.status.value)
     if question.draw_folder:
         drawn = annotate(picture, detection, estimate.model, question.board)
         write_image(question.draw_folder / f'{path.stem}_pose.png', drawn)

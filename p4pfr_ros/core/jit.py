@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 ``jit`` and ``kernel``: Numba where it is installed, the same source interpreted where not.
@@ -86,13 +75,19 @@ def _interpreted(function: Function) -> Function:
     return cast(Function, quiet)
 
 
-def _cache_folder() -> Path:
+def sources_digest(folder: Path) -> str:
+    """Return a short hash of all Python sources below a folder, their places included."""
     digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob('*.py')):
+    for source in sorted(folder.rglob('*.py')):
+        digest.update(str(source.relative_to(folder)).encode())
         digest.update(source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _cache_folder() -> Path:
     base = os.environ.get('NUMBA_CACHE_DIR') or os.environ.get('XDG_CACHE_HOME')
     root = Path(base) if base else Path.home() / '.cache'
-    return root / 'p4pfr_ros' / digest.hexdigest()[:16]
+    return root / 'p4pfr_ros' / sources_digest(Path(__file__).parent)
 
 
 if numba is None:

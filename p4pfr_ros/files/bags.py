@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Pictures out of recordings, rosbag2 in sqlite3 or mcap, by the library rosbags: without ROS."""
 
@@ -24,17 +13,17 @@ import os
 from pathlib import Path
 from typing import Any
 
-from p4pfr_ros.files import ConfigError
-from p4pfr_ros.image_files import Picture
-from p4pfr_ros.pixel_formats import (
-    picture_from_compressed_fields,
-    picture_from_fields,
+from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.images import ImageArray
+from p4pfr_ros.files.pixel_formats import (
+    image_from_compressed_fields,
+    image_from_fields,
     Unreadable,
 )
 
-_READERS: dict[str, Callable[[Any], Picture | Unreadable]] = {
-    'sensor_msgs/msg/Image': picture_from_fields,
-    'sensor_msgs/msg/CompressedImage': picture_from_compressed_fields,
+_READERS: dict[str, Callable[[Any], ImageArray | Unreadable]] = {
+    'sensor_msgs/msg/Image': image_from_fields,
+    'sensor_msgs/msg/CompressedImage': image_from_compressed_fields,
 }
 _NS_PER_S = 1_000_000_000
 
@@ -44,7 +33,7 @@ class BagImage:
     """A message's picture, or why it holds none, and its header's stamp."""
 
     stamp_ns: int
-    picture: Picture | Unreadable
+    picture: ImageArray | Unreadable
 
 
 class ImageBag:

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Calibrations on disk, in the YAML that camera_calibration and camera_info_manager share.
@@ -26,12 +15,12 @@ import os
 from typing import Any
 
 import numpy as np
-from p4pfr_ros.atomic_files import write_atomically
-from p4pfr_ros.calibration_fields import Fields
-from p4pfr_ros.core.camera import DivisionCamera
-from p4pfr_ros.core.camera_estimate import CameraEstimate
-from p4pfr_ros.core.camera_info_model import CameraInfoModel, COEFFICIENTS
-from p4pfr_ros.files import ConfigError, read_yaml
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel, COEFFICIENTS
+from p4pfr_ros.core.cameras.division import DivisionCamera
+from p4pfr_ros.core.many_views.camera_estimate import CameraEstimate
+from p4pfr_ros.files.boards import ConfigError, read_yaml
+from p4pfr_ros.files.writing import write_atomically
+from p4pfr_ros.files.yaml_fields import Fields
 import yaml
 
 

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Pictures on disk."""
 
@@ -22,9 +11,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros.files import ConfigError
+from p4pfr_ros.files.boards import ConfigError
 
-Picture = NDArray[np.uint8]
+ImageArray = NDArray[np.uint8]
 
 # How a format's files begin, and what stands near their end.
 _JPEG_BEGINS, _JPEG_ENDS = b'\xff\xd8', b'\xff\xd9'
@@ -32,7 +21,7 @@ _JPEG_SCAN = 0xDA
 _PNG_BEGINS, _PNG_ENDS = b'\x89PNG\r\n\x1a\n', b'IEND'
 
 
-def read_image(path: str | os.PathLike[str]) -> Picture:
+def read_image(path: str | os.PathLike[str]) -> ImageArray:
     """
     Read a picture: (h, w, 3) BGR uint8, the camera's pixels as they are.
 
@@ -50,7 +39,7 @@ def read_image(path: str | os.PathLike[str]) -> Picture:
     return picture
 
 
-def image_or_reason(path: str | os.PathLike[str]) -> Picture | str:
+def image_or_reason(path: str | os.PathLike[str]) -> ImageArray | str:
     """Read a picture as `read_image` does, or return why there is none."""
     try:
         data = Path(path).read_bytes()
@@ -63,7 +52,7 @@ def image_or_reason(path: str | os.PathLike[str]) -> Picture | str:
     return 'expected a picture (png, jpg, ...), got something else' if image is None else image
 
 
-def decode_image(data: bytes) -> Picture | None:
+def decode_image(data: bytes) -> ImageArray | None:
     """Decode a file's bytes as `read_image` does; None where they are no picture."""
     if not data:
         return None
@@ -77,7 +66,7 @@ def decode_image(data: bytes) -> Picture | None:
     return None if image is None else np.asarray(image, dtype=np.uint8)
 
 
-def write_image(path: str | os.PathLike[str], image: Picture) -> None:
+def write_image(path: str | os.PathLike[str], image: ImageArray) -> None:
     """
     Write a picture, (h, w) or (h, w, 3) BGR uint8, in the format that the path's ending names.
 

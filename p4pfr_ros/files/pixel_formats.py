@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 The pixels of ROS's picture messages to arrays: (h, w) grey or (h, w, 3) BGR, 8 bits.
@@ -28,7 +17,7 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros.image_files import decode_image, Picture
+from p4pfr_ros.files.images import decode_image, ImageArray
 
 
 class ImageFields(Protocol):
@@ -95,7 +84,7 @@ _ENCODINGS = {
 }
 
 
-def picture_from_fields(msg: ImageFields) -> Picture | Unreadable:
+def image_from_fields(msg: ImageFields) -> ImageArray | Unreadable:
     """Take the picture out of an Image."""
     encoding = _ENCODINGS.get(msg.encoding)
     if encoding is None:
@@ -114,7 +103,7 @@ def picture_from_fields(msg: ImageFields) -> Picture | Unreadable:
     return picture if encoding.code is None else _as_picture(cv2.cvtColor(picture, encoding.code))
 
 
-def picture_from_compressed_fields(msg: CompressedImageFields) -> Picture | Unreadable:
+def image_from_compressed_fields(msg: CompressedImageFields) -> ImageArray | Unreadable:
     """Take the picture out of a CompressedImage: JPEG, PNG or what else OpenCV reads."""
     picture = decode_image(bytes(msg.data))
     if picture is None:
@@ -138,7 +127,7 @@ def _wrong_size(msg: ImageFields, encoding: _Encoding) -> Unreadable | None:
     return None
 
 
-def _eight_bits(rows: Picture, size: int, is_bigendian: int) -> Picture:
+def _eight_bits(rows: ImageArray, size: int, is_bigendian: int) -> ImageArray:
     """Turn rows of bytes into rows of numbers of 8 bits."""
     if size == 1:
         return rows
@@ -146,5 +135,5 @@ def _eight_bits(rows: Picture, size: int, is_bigendian: int) -> Picture:
     return np.ascontiguousarray(rows[:, 0 if is_bigendian else 1 :: 2])
 
 
-def _as_picture(picture: NDArray[np.generic]) -> Picture:
+def _as_picture(picture: NDArray[np.generic]) -> ImageArray:
     return picture.astype(np.uint8, copy=False)

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Focal length and centre over the views of a calibration, with what is left of doubt."""
 
@@ -22,9 +11,9 @@ from typing import Any
 import numpy as np
 from p4pfr_ros import CameraEstimate, Verdict
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.figure_style import BLUE, GREY, ORANGE
-from p4pfr_ros.picture_calibration import Sighting
-from p4pfr_ros.plus_minus import plus_minus
+from p4pfr_ros.report.calibration_run import Sighting
+from p4pfr_ros.report.figure_style import BLUE, GREY, ORANGE
+from p4pfr_ros.report.plus_minus import plus_minus
 
 # A view whose σ is more than so many times the last one's does not choose the scale.
 _LEGIBLE = 8.0

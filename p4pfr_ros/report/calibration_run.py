@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """A camera calibrated from pictures, one after another, and what became of each."""
 
@@ -19,11 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from p4pfr_ros import CameraEstimate, KeptView, RansacOptions, SelfCalibration, Verdict
+from p4pfr_ros import CameraEstimate, EstimateOptions, Keyframe, SelfCalibration, Verdict
 from p4pfr_ros.boards import Board
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
-from p4pfr_ros.image_files import Picture
+from p4pfr_ros.files.images import ImageArray
 
 # The picture is divided into cells: those with a corner in them are covered.
 COLUMNS, ROWS = 10, 8
@@ -34,7 +23,7 @@ class NamedPicture:
     """A picture, or the reason why there is none, and what it is called."""
 
     name: str
-    picture: Picture | str
+    picture: ImageArray | str
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +66,7 @@ class PictureCalibration:
     The first picture that shows the board says how large all have to be.
     """
 
-    def __init__(self, board: Board, robust: RansacOptions) -> None:
+    def __init__(self, board: Board, robust: EstimateOptions) -> None:
         self._board = board
         self._robust = robust
         self.calibration: SelfCalibration | None = None
@@ -90,7 +79,7 @@ class PictureCalibration:
         return self.calibration.fused if self.calibration else None
 
     @property
-    def views(self) -> tuple[KeptView, ...]:
+    def views(self) -> tuple[Keyframe, ...]:
         """Return the views that the camera comes from; their stamps are the pictures' numbers."""
         return self.calibration.views if self.calibration else ()
 
@@ -119,7 +108,7 @@ class PictureCalibration:
             return f'expected {expected} px like the pictures before, got {width}x{height}'
         estimate = self.calibration.update(found.image_points, found.board_points, number)
         if estimate.model is None:
-            return estimate.stop.value
+            return estimate.status.value
         return Sighting(
             number,
             named.name,

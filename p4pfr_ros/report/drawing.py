@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Pictures for people: what was found drawn onto the picture, and the picture straightened."""
 
@@ -23,14 +12,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.boards import Board
-from p4pfr_ros.core.camera import DivisionCamera
+from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.core.solution import Solution
+from p4pfr_ros.core.minimal.solution import Solution
 from p4pfr_ros.detection import Detection
 
 __all__ = ['annotate', 'straighten', 'straightened_camera']
 
-Picture = NDArray[np.uint8]
+ImageArray = NDArray[np.uint8]
 
 # Blue, green, red.
 _CORNER, _OUTLINE = (0, 215, 255), (255, 160, 0)
@@ -45,11 +34,11 @@ _HEIGHT_PX = 480.0
 
 
 def annotate(
-    image: Picture,
+    image: ImageArray,
     detection: Detection,
     solution: Solution | None = None,
     board: Board | None = None,
-) -> Picture:
+) -> ImageArray:
     """
     Draw what was found onto a copy of a picture: (h, w, 3) BGR.
 
@@ -77,7 +66,9 @@ def annotate(
     return np.asarray(canvas)
 
 
-def straighten(image: Picture, camera: DivisionCamera, *, max_fov_deg: float = 120.0) -> Picture:
+def straighten(
+    image: ImageArray, camera: DivisionCamera, *, max_fov_deg: float = 120.0
+) -> ImageArray:
     """
     Take a lens's distortion out of a picture; same size, black where nothing was seen.
 
@@ -133,7 +124,7 @@ def _square_outline() -> Array:
     )
 
 
-def _draw_board(canvas: Picture, solution: Solution, board: Board, scale: float) -> None:
+def _draw_board(canvas: ImageArray, solution: Solution, board: Board, scale: float) -> None:
     width_m, height_m = board.sheet_size_m
     x, y = 0.5 * width_m, 0.5 * height_m
     outline = [(-x, y, 0.0), (x, y, 0.0), (x, -y, 0.0), (-x, -y, 0.0), (-x, y, 0.0)]
@@ -146,7 +137,7 @@ def _draw_board(canvas: Picture, solution: Solution, board: Board, scale: float)
 
 
 def _bent_line(
-    canvas: Picture,
+    canvas: ImageArray,
     solution: Solution,
     start: tuple[float, ...],
     end: tuple[float, ...],
@@ -165,13 +156,13 @@ def _bent_line(
         cv2.polylines(canvas, [points], False, colour, thickness, cv2.LINE_AA, _SHIFT)
 
 
-def _circle(canvas: Picture, point: Array, radius_px: float, thickness_px: float) -> None:
+def _circle(canvas: ImageArray, point: Array, radius_px: float, thickness_px: float) -> None:
     x, y, radius = (round(float(v) * 2**_SHIFT) for v in (*point, radius_px))
     thickness = max(1, round(thickness_px))
     cv2.circle(canvas, (x, y), radius, _CORNER, thickness, cv2.LINE_AA, _SHIFT)
 
 
-def _write(canvas: Picture, text: str, scale: float) -> None:
+def _write(canvas: ImageArray, text: str, scale: float) -> None:
     """Write a line at the top left, on a dark bar: readable on any picture."""
     height = round(30 * scale)
     canvas[:height] = canvas[:height] // 4

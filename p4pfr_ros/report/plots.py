@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """A calibration as a picture: where the corners were, what is left over, how it converged."""
 
@@ -23,12 +12,12 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.figure import Figure
 import numpy as np
-from p4pfr_ros import KeptView, SelfCalibration
-from p4pfr_ros.calibration_history import draw_history
+from p4pfr_ros import Keyframe, SelfCalibration
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.figure_style import BLUE, GREY, ORANGE, STYLE
-from p4pfr_ros.files import ConfigError
-from p4pfr_ros.picture_calibration import COLUMNS, coverage, ROWS, Sighting
+from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.report.calibration_history import draw_history
+from p4pfr_ros.report.calibration_run import COLUMNS, coverage, ROWS, Sighting
+from p4pfr_ros.report.figure_style import BLUE, GREY, ORANGE, STYLE
 
 ENDINGS = ('.pdf', '.png', '.svg')
 # All but one residual in a hundred are drawn shorter than this part of the picture's width.
@@ -70,7 +59,7 @@ def write_report(path: Path, calibration: SelfCalibration, sightings: Sequence[S
 
 
 def report(
-    views: Sequence[KeptView], image_size: tuple[int, int], sightings: Sequence[Sighting]
+    views: Sequence[Keyframe], image_size: tuple[int, int], sightings: Sequence[Sighting]
 ) -> Figure:
     """Draw corners and residuals of the views, and focal length and centre over all sightings."""
     figure = Figure(figsize=(12.0, 8.0), layout='constrained')
@@ -83,7 +72,7 @@ def report(
     return figure
 
 
-def _draw_coverage(axes: Any, views: Sequence[KeptView], size: tuple[int, int]) -> None:
+def _draw_coverage(axes: Any, views: Sequence[Keyframe], size: tuple[int, int]) -> None:
     """Draw all points, and shade the cells by how many they hold."""
     _frame(axes, size)
     used = _stacked([view.image_points[view.inliers] for view in views])
@@ -107,7 +96,7 @@ def _draw_coverage(axes: Any, views: Sequence[KeptView], size: tuple[int, int]) 
     )
 
 
-def _draw_residuals(axes: Any, views: Sequence[KeptView], size: tuple[int, int]) -> None:
+def _draw_residuals(axes: Any, views: Sequence[Keyframe], size: tuple[int, int]) -> None:
     """Draw each inlier's residual where it is, all longer by one factor."""
     _frame(axes, size)
     used = _stacked([view.image_points[view.inliers] for view in views])

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """camera_simulator: pictures of a moving board, and the truth about it, without hardware."""
 
@@ -24,25 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros import DivisionCamera, Pose
 from p4pfr_ros.rendering import Renderer
+from p4pfr_ros.scenes.board_path import SimulatedPath
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from .board import required_board
 from .conversions import camera_info_msg, image_msg, ImageFrame, pose_msg
-from .endpoints import advertise, is_heard
-from .options import CameraSimulatorOptions
-from .parameters import Parameters
-from .rejections import Rejected, Rejections
-from .simulated_path import SimulatedPath
-from .spin import run
+from .parameters.board_file import required_board
+from .parameters.declare import Parameters
+from .parameters.options import CameraSimulatorOptions
+from .runtime.endpoints import advertise, is_heard
+from .runtime.rejections import Rejected, Rejections
+from .runtime.spin import run
 
 
 class CameraSimulator(Node):  # type: ignore[misc]
     """
     Renders a board on a known path through a camera with a known lens.
 
-    Picture, camera_info and true pose of one moment carry the same stamp. The camera_info is
+    ImageArray, camera_info and true pose of one moment carry the same stamp. The camera_info is
     that of an uncalibrated camera: the picture's size, and K = 0. Without a subscriber there is no
     picture, but the board moves on.
 

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """detector_node: pictures in, the points of each board out."""
 
@@ -21,24 +10,24 @@ from typing import Any
 
 import numpy as np
 from p4pfr_ros.detection import detect, Detection
-from p4pfr_ros.drawing import annotate
+from p4pfr_ros.report.drawing import annotate
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Header
 
-from .board import required_boards
 from .conversions import (
     cloud_msg,
     image_from_compressed,
     image_from_msg,
     image_msg,
-    Picture,
+    ImageArray,
 )
-from .endpoints import advertise, is_heard, subscribe
-from .options import DetectorNodeOptions
-from .parameters import Parameters
-from .rejections import Rejected, Rejections
-from .spin import run
+from .parameters.board_file import required_boards
+from .parameters.declare import Parameters
+from .parameters.options import DetectorNodeOptions
+from .runtime.endpoints import advertise, is_heard, subscribe
+from .runtime.rejections import Rejected, Rejections
+from .runtime.spin import run
 
 
 class DetectorNode(Node):  # type: ignore[misc]
@@ -76,13 +65,13 @@ class DetectorNode(Node):  # type: ignore[misc]
     def _on_compressed(self, msg: CompressedImage) -> None:
         self._look_at(msg.header, image_from_compressed(msg))
 
-    def _look_at(self, header: Header, picture: Picture | Rejected) -> None:
+    def _look_at(self, header: Header, picture: ImageArray | Rejected) -> None:
         if isinstance(picture, Rejected):
             self._rejections.add(picture)
         elif is_heard(self._correspondences, self._annotated):
             self._publish(header, picture, [detect(picture, board) for board in self._boards])
 
-    def _publish(self, header: Header, picture: Picture, detections: list[Detection]) -> None:
+    def _publish(self, header: Header, picture: ImageArray, detections: list[Detection]) -> None:
         for board, found in enumerate(detections):
             if not found.reason:
                 self._correspondences.publish(

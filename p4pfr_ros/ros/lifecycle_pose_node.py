@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """lifecycle_pose_node: pose_node, with a lifecycle that somebody else manages."""
 
@@ -20,14 +9,14 @@ from collections.abc import Callable, Sequence
 import traceback
 from typing import Any
 
-from p4pfr_ros.files import ConfigError
+from p4pfr_ros.files.boards import ConfigError
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-from .options import PoseNodeOptions
-from .parameters import Parameters
-from .pose_work import PoseWork
-from .qos_overrides import warn_of_unknown_overrides
-from .spin import run
+from .parameters.declare import Parameters
+from .parameters.options import PoseNodeOptions
+from .pose.pipeline import PoseWork
+from .runtime.qos_overrides import warn_of_unknown_overrides
+from .runtime.spin import run
 
 _DONE, _REFUSED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 

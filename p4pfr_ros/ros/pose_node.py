@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """pose_node: corners of a marker or board in, pose and camera out."""
 
@@ -20,10 +9,10 @@ from collections.abc import Sequence
 
 from rclpy.node import Node
 
-from .options import PoseNodeOptions
-from .parameters import Parameters
-from .pose_work import PoseWork
-from .spin import run
+from .parameters.declare import Parameters
+from .parameters.options import PoseNodeOptions
+from .pose.pipeline import PoseWork
+from .runtime.spin import run
 
 
 class PoseNode(Node):  # type: ignore[misc]

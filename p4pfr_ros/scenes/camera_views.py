@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Synthetic views of one camera: boards and markers where it sees them, noise, and the truth."""
 
@@ -20,16 +9,15 @@ from collections.abc import Sequence
 import math
 
 import numpy as np
-
-from .calibration_view import CalibrationView, camera_of, lens_of
-from .camera import DivisionCamera
-from .fit_views import fit_views
-from .geometry import Array, Pose
-from .information import Knowledge
-from .lens import LENS_SIZE
-from .prepare import prepare
-from .synthetic import IMAGE_SIZE, tilted
-from .views import View
+from p4pfr_ros.core.cameras.division import DivisionCamera
+from p4pfr_ros.core.geometry import Array, Pose
+from p4pfr_ros.core.many_views.fit_views import fit_views
+from p4pfr_ros.core.model.calibration_view import CalibrationView, camera_of, lens_of
+from p4pfr_ros.core.model.lens import LENS_SIZE
+from p4pfr_ros.core.model.observation import prepare
+from p4pfr_ros.core.model.prior import Knowledge
+from p4pfr_ros.scenes.instances import IMAGE_SIZE, tilted
+from p4pfr_ros.scenes.single_view import View
 
 _FOCAL_PX = (500.0, 1500.0)
 _BEND = (-0.5, 0.0)  # k r² at the corner of the picture

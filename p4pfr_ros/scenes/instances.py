@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Scenes whose answer is known: one generator for tests, benchmarks and demonstrations.
@@ -26,8 +15,7 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-
-from .geometry import Array
+from p4pfr_ros.core.geometry import Array
 
 IMAGE_SIZE = (1280, 960)
 _HALF_SIZE_PX = np.array([640.0, 480.0])

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Synthetic views of boards, with noise and outliers, and the truth behind them."""
 
@@ -19,10 +8,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-
-from .camera import DivisionCamera
-from .geometry import Array, Mask, Pose
-from .synthetic import anywhere, draw, IMAGE_SIZE, Instances, square, tilted, visible
+from p4pfr_ros.core.cameras.division import DivisionCamera
+from p4pfr_ros.core.geometry import Array, Mask, Pose
+from p4pfr_ros.scenes.instances import (
+    anywhere,
+    draw,
+    IMAGE_SIZE,
+    Instances,
+    square,
+    tilted,
+    visible,
+)
 
 # A board smaller than this in the picture is drawn again.
 _SMALLEST_EXTENT_PX = 0.55 * IMAGE_SIZE[1]

@@ -1,25 +1,14 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Views to calibrate from."""
 
 import numpy as np
 from p4pfr_ros import SelfCalibration
-from p4pfr_ros.core.calibration_view import lens_of
-from p4pfr_ros.core.camera_views import camera_view, drawn_camera, grid
 from p4pfr_ros.core.jit import COMPILED
-from p4pfr_ros.core.synthetic import IMAGE_SIZE
+from p4pfr_ros.core.model.calibration_view import lens_of
+from p4pfr_ros.scenes.camera_views import camera_view, drawn_camera, grid
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
 takes_long = pytest.mark.skipif(not COMPILED, reason='takes minutes interpreted')

@@ -1,24 +1,13 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """All that explains a view as well is told, and nothing else."""
 
 from errors import look
 import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, Pose, RansacOptions
+from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose
 from p4pfr_ros.core.geometry import rotation_angle_rad
-from p4pfr_ros.core.synthetic import IMAGE_SIZE
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
 CAMERA = DivisionCamera(800.0, (639.5, 479.5), -0.1)
@@ -28,7 +17,7 @@ NESTED = np.concatenate([CORNERS, 0.5 * CORNERS, 0.25 * CORNERS])
 FAR, NEAR = Pose(TILTED, [0.02, 0.01, 3.0]), Pose(TILTED, [0.02, 0.01, 0.3])
 FREE = {
     'image_size': IMAGE_SIZE,
-    'options': RansacOptions(
+    'options': EstimateOptions(
         prior_focal_px=800.0, prior_focal_sigma_px=20.0, prior_k=-0.1, prior_k_sigma=0.02
     ),
 }

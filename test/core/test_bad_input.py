@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Whatever comes in: an error that names it, or an answer; never a crash, never a hang."""
 
@@ -19,15 +8,15 @@ import warnings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, RansacOptions
+from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions
 from p4pfr_ros.core.jit import COMPILED
-from p4pfr_ros.core.synthetic import IMAGE_SIZE
-from p4pfr_ros.core.views import view
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
+from p4pfr_ros.scenes.single_view import view
 import pytest
 
 CAMERA = DivisionCamera(800.0, (639.5, 479.5), -0.1)
 HOWS = [{'image_size': IMAGE_SIZE}, {'camera': CAMERA}]
-SHORT = RansacOptions(max_iterations=50 if COMPILED else 4, min_iterations=4)
+SHORT = EstimateOptions(max_iterations=50 if COMPILED else 4, min_iterations=4)
 
 numbers = st.one_of(
     st.floats(-2000.0, 2000.0),

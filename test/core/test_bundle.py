@@ -1,26 +1,21 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The bundle's derivatives, its poses eliminated, and what the adjustment leaves."""
 
 import numpy as np
 from p4pfr_ros import DivisionCamera
-from p4pfr_ros.core.adjust import adjust, adjust_room, fill_blocks, lens_equations, LensPrior
-from p4pfr_ros.core.bundle import Bundle, squared_errors, truncated_cost
-from p4pfr_ros.core.camera_views import camera_view, grid
-from p4pfr_ros.core.lens import COLUMNS, LENS_SIZE, linearise, RESIDUAL, squared_error
-from p4pfr_ros.core.linear import rotate
+from p4pfr_ros.core.linalg import rotate
+from p4pfr_ros.core.many_views.bundle import Bundle, squared_errors, truncated_cost
+from p4pfr_ros.core.many_views.bundle_adjustment import (
+    adjust,
+    adjust_room,
+    fill_blocks,
+    lens_equations,
+    LensPrior,
+)
+from p4pfr_ros.core.model.lens import COLUMNS, LENS_SIZE, linearise, RESIDUAL, squared_error
+from p4pfr_ros.scenes.camera_views import camera_view, grid
 import pytest
 
 LENSES = {

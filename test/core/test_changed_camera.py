@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """A camera that changes, and one that was calibrated before."""
 
@@ -24,7 +13,7 @@ from p4pfr_ros import (
     SelfCalibration,
     Verdict,
 )
-from p4pfr_ros.core.synthetic import IMAGE_SIZE
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
 pytestmark = takes_long
@@ -79,7 +68,7 @@ def test_a_saved_calibration_goes_on():
     views = views_of(camera, 30, 7)
     saved = calibrated(views[:20]).fused
     calibration = SelfCalibration(IMAGE_SIZE)
-    calibration.adopt(saved)
+    calibration.load(saved)
     assert calibration.state is CalibrationState.CALIBRATED
     assert calibration.fused is saved
     estimate = calibration.update(views[20].image_points, views[20].board_points)
@@ -92,7 +81,7 @@ def test_a_saved_calibration_goes_on():
 
 def test_a_saved_calibration_of_another_zoom_is_given_up():
     camera, calibration = drawn(8), SelfCalibration(IMAGE_SIZE)
-    calibration.adopt(calibrated(views_of(camera, 10, 8)).fused)
+    calibration.load(calibrated(views_of(camera, 10, 8)).fused)
     zoomed = DivisionCamera(0.7 * camera.focal_px, camera.center_px, 0.49 * camera.k)
     found = verdicts(calibration, views_of(zoomed, 12, 9))
     assert Verdict.RESTARTED in found

@@ -1,24 +1,13 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The division camera closest to one that was calibrated in another model."""
 
 from lenses import CENTER, MODELS, pixels, SIZE
 import numpy as np
 from p4pfr_ros import DivisionCamera
-from p4pfr_ros.core.camera_info_model import CameraInfoModel
-from p4pfr_ros.core.closest_division import division_camera_from_model
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
+from p4pfr_ros.core.cameras.closest_division import division_camera_from_model
 import pytest
 
 over_models = pytest.mark.parametrize('model', MODELS.values(), ids=MODELS)

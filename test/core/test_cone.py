@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The depth cone: its rays solve the equations, and zero is zero at its border."""
 
@@ -20,8 +9,8 @@ from hypothesis import assume
 from hypothesis import strategies as st
 from laws import law
 import numpy as np
-from p4pfr_ros.core.cone import board_weights, depth_cone
-from p4pfr_ros.core.normalise import scale_image
+from p4pfr_ros.core.minimal.cone import board_weights, depth_cone
+from p4pfr_ros.core.minimal.normalise import scale_image
 import pytest
 
 SQUARE = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])

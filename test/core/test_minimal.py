@@ -1,23 +1,12 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The minimal solver: it finds the truth, and what it returns is a solution."""
 
 import numpy as np
 from p4pfr_ros import DivisionCamera, solve_p4pfr, solve_p4pfr_batch
 from p4pfr_ros.core.geometry import rotation_angle_rad
-from p4pfr_ros.core.synthetic import instances, KINDS
+from p4pfr_ros.scenes.instances import instances, KINDS
 import pytest
 
 # Of 10,000 each, with a margin below what was measured; the benchmark has the figures.

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What must hold of the minimal solver whatever the numbers are."""
 
@@ -25,7 +14,7 @@ from laws import law
 import numpy as np
 from p4pfr_ros import DivisionCamera, Pose, solve_p4pfr, solve_p4pfr_batch
 from p4pfr_ros.core.geometry import rotation_angle_rad
-from p4pfr_ros.core.synthetic import instances, KINDS
+from p4pfr_ros.scenes.instances import instances, KINDS
 import pytest
 
 seeds = st.integers(0, 2**20)
@@ -186,7 +175,7 @@ def test_degenerate_points_give_solutions_or_none(image, board, px, unit):
 TWIN = """
 import json, sys
 from p4pfr_ros import solve_p4pfr_batch
-from p4pfr_ros.core.synthetic import instances
+from p4pfr_ros.scenes.instances import instances
 drawn = instances(sys.argv[1], int(sys.argv[2]), 5)
 batch = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
 numbers = [a.ravel().view('u8').tolist() for a in (batch.focal_px, batch.k, batch.rotation)]

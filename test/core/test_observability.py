@@ -1,25 +1,14 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What a view does not tell is said, and a prior tells it."""
 
 from errors import look
 import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, Pose, RansacOptions, Stop
+from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose, Status
 from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.core.jit import COMPILED
-from p4pfr_ros.core.synthetic import IMAGE_SIZE
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
 CAMERA = DivisionCamera(800.0, (639.5, 479.5), -0.1)
@@ -44,7 +33,7 @@ def estimate(pose, board, noise_px=0.0, **options):
         look(CAMERA, pose, board, noise_px),
         board,
         image_size=IMAGE_SIZE,
-        options=RansacOptions(**options),
+        options=EstimateOptions(**options),
     )
 
 
@@ -58,7 +47,7 @@ def degrees(found, pose):
 def test_straight_ahead_tells_the_direction_and_no_focal_length(board, noise_px):
     found = estimate(AHEAD, BOARDS[board], noise_px)
     assert {'distance', 'focal'} <= set(found.observable.undetermined)
-    assert found.stop in (Stop.UNDETERMINED, Stop.FOUR_POINTS)
+    assert found.status in (Status.UNDETERMINED, Status.FOUR_POINTS)
     assert found.observable.direction
     assert degrees(found, AHEAD) < 3.0
     variance = np.diag(found.covariance)
@@ -84,7 +73,7 @@ def test_a_known_focal_length_tells_the_distance(board, noise_px):
 def test_with_both_known_all_is_told(board):
     found = estimate(AHEAD, BOARDS[board], 0.3, **FOCAL, **K)
     assert found.observable.undetermined == ()
-    assert found.stop in (Stop.CONFIDENT, Stop.SPENT, Stop.FOUR_POINTS)
+    assert found.status in (Status.CONFIDENT, Status.SPENT, Status.FOUR_POINTS)
     assert np.isfinite(found.covariance).all()
     assert found.model.camera.k == pytest.approx(-0.1, abs=0.03)
     assert degrees(found, AHEAD) < 2.0
@@ -112,7 +101,7 @@ def test_points_of_one_radius_leave_the_distortion_open():
     assert degrees(found, pose) < 0.5
     known = estimate(pose, board, 0.3, **K)
     assert known.observable.undetermined == ()
-    assert known.stop is Stop.CONFIDENT
+    assert known.status is Status.CONFIDENT
     assert known.model.camera.focal_px == pytest.approx(800.0, rel=0.03)
     assert np.sqrt(known.covariance[7, 7]) == pytest.approx(0.01, rel=0.1)
 
@@ -140,7 +129,7 @@ def test_a_prior_and_a_good_view_agree_on_less_than_either():
 )
 def test_half_a_prior_is_refused(options, complaint):
     with pytest.raises(ValueError, match=complaint):
-        RansacOptions(**options)
+        EstimateOptions(**options)
 
 
 @pytest.mark.parametrize('noise_px', [0.05, 0.3])

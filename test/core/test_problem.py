@@ -1,31 +1,20 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Derivatives against central differences, and the error against the camera's own projection."""
 
 import numpy as np
 from p4pfr_ros import DivisionCamera, Pose
-from p4pfr_ros.core.free_camera import Gates
-from p4pfr_ros.core.linear import rotate
-from p4pfr_ros.core.problem import (
+from p4pfr_ros.core.linalg import rotate
+from p4pfr_ros.core.minimal.solution import G, H, ROW_SIZE, TRANSLATION
+from p4pfr_ros.core.one_view.free_camera import Gates
+from p4pfr_ros.core.one_view.problem import (
     free_problem,
     known_problem,
     linearise,
     POSE_AND_CAMERA,
     squared_error,
 )
-from p4pfr_ros.core.solution import G, H, ROW_SIZE, TRANSLATION
 import pytest
 
 GATES = Gates(800.0, 0.0, 3.0, 2.0)

@@ -1,25 +1,14 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """``estimate_pose``: outliers, four points, a known camera, honesty, bad input."""
 
 from errors import deviation
 import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, Pose, RansacOptions, Stop
+from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose, Status
 from p4pfr_ros.core.geometry import rotation_angle_rad
-from p4pfr_ros.core.synthetic import IMAGE_SIZE
-from p4pfr_ros.core.views import view
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
+from p4pfr_ros.scenes.single_view import view
 import pytest
 
 EYE = np.eye(5)[:, :2]
@@ -52,7 +41,7 @@ def test_outliers_are_left_out(n, outliers, least, sample):
 
 def test_numbers_are_of_the_returned_model():
     drawn = view(np.random.default_rng(2), 60, outlier_share=0.3)
-    options = RansacOptions(threshold_px=1.5)
+    options = EstimateOptions(threshold_px=1.5)
     estimate = estimate_pose(
         drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE, options=options
     )
@@ -62,7 +51,7 @@ def test_numbers_are_of_the_returned_model():
     np.testing.assert_array_equal(estimate.inliers, distance < 1.5)
     rms = np.sqrt(np.mean(distance[estimate.inliers] ** 2))
     assert estimate.rms_px == pytest.approx(rms, rel=1e-9)
-    assert estimate.stop is Stop.CONFIDENT
+    assert estimate.status is Status.CONFIDENT
 
 
 def test_the_same_input_gives_the_same_output():
@@ -114,7 +103,7 @@ def test_the_boards_origin_may_be_anywhere():
 def test_four_points_give_every_solution_ranked():
     drawn = view(np.random.default_rng(7), 4, noise_px=0.0)
     estimate = estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
-    assert estimate.stop is Stop.FOUR_POINTS
+    assert estimate.status is Status.FOUR_POINTS
     assert estimate.inliers.all()
     found = [estimate.model, *estimate.alternatives]
     nearest = min(abs(s.camera.focal_px / drawn.camera.focal_px - 1.0) for s in found)
@@ -130,7 +119,7 @@ def test_covariance_is_honest(sample):
             drawn.image_points,
             drawn.board_points,
             image_size=IMAGE_SIZE,
-            options=RansacOptions(sigma_px=0.5),
+            options=EstimateOptions(sigma_px=0.5),
         )
         error = deviation(estimate.model, drawn)
         squares.append(error @ np.linalg.solve(estimate.covariance, error))
@@ -163,7 +152,7 @@ def test_points_on_a_line_have_no_pose():
     line = np.column_stack([np.arange(6.0), 2.0 * np.arange(6.0)])
     estimate = estimate_pose(10.0 * line, line, image_size=IMAGE_SIZE)
     assert estimate.model is None
-    assert estimate.stop is Stop.COLLINEAR
+    assert estimate.status is Status.COLLINEAR
     assert np.isnan(estimate.covariance).all()
 
 
@@ -173,10 +162,10 @@ def test_nonsense_has_no_consensus():
         rng.uniform((0, 0), IMAGE_SIZE, (40, 2)),
         rng.uniform(-0.5, 0.5, (40, 2)),
         image_size=IMAGE_SIZE,
-        options=RansacOptions(max_iterations=300),
+        options=EstimateOptions(max_iterations=300),
     )
     assert estimate.model is None
-    assert estimate.stop in (Stop.NO_CONSENSUS, Stop.NO_SOLUTION)
+    assert estimate.status in (Status.NO_CONSENSUS, Status.NO_SOLUTION)
     assert not estimate.inliers.any()
 
 
@@ -221,4 +210,4 @@ def test_a_callers_mistake_is_named(image, board, known, complaint):
 )
 def test_an_option_out_of_range_is_named(option, complaint):
     with pytest.raises(ValueError, match=complaint):
-        RansacOptions(**option)
+        EstimateOptions(**option)

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The camera from its views: as good as the best there is, and no surer than it may be."""
 
@@ -28,13 +17,13 @@ import numpy as np
 from p4pfr_ros import (
     CalibrationOptions,
     CalibrationState,
-    RansacOptions,
+    EstimateOptions,
     SelfCalibration,
-    Stop,
+    Status,
     Verdict,
 )
-from p4pfr_ros.core.camera_views import fit_from_the_truth
-from p4pfr_ros.core.synthetic import IMAGE_SIZE
+from p4pfr_ros.scenes.camera_views import fit_from_the_truth
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
 CORNER_PX = 800.0
@@ -140,7 +129,7 @@ def test_what_stands_still_tells_nothing_new():
     for _ in range(20):
         again = views[2].image_points + rng.normal(0.0, 0.3, (24, 2))
         estimate = calibration.update(again, BOARD)
-        assert calibration.verdict is Verdict.KNOWN
+        assert calibration.verdict is Verdict.REDUNDANT
         assert estimate.model.camera == calibration.fused.camera
     assert len(calibration.views) == 6
 
@@ -148,7 +137,7 @@ def test_what_stands_still_tells_nothing_new():
 @takes_long
 def test_a_prior_of_the_focal_length_counts():
     camera = drawn(10)
-    robust = RansacOptions(prior_focal_px=camera.focal_px, prior_focal_sigma_px=0.5)
+    robust = EstimateOptions(prior_focal_px=camera.focal_px, prior_focal_sigma_px=0.5)
     flat = views_of(camera, 4, 10, tilt_deg=(0.0, 3.0))
     assert calibrated(flat, robust=robust).fused.focal_sigma_px < 0.51
     assert calibrated(flat).fused is None or calibrated(flat).fused.focal_sigma_px > 5.0
@@ -172,8 +161,8 @@ def test_points_on_a_line_have_no_answer_and_leave_no_trace():
     before = calibration.fused.camera
     line = np.column_stack([np.linspace(-0.5, 0.5, 8), np.zeros(8)])
     estimate = calibration.update(100.0 + 500.0 * (line + 1.0), line)
-    assert estimate.stop is Stop.COLLINEAR
-    assert calibration.verdict is Verdict.UNUSED
+    assert estimate.status is Status.COLLINEAR
+    assert calibration.verdict is Verdict.NO_POSE
     assert calibration.fused.camera == before
 
 
@@ -183,7 +172,7 @@ def test_noise_without_a_board_has_no_answer():
     rng = np.random.default_rng(0)
     estimate = calibration.update(rng.uniform((0, 0), IMAGE_SIZE, (24, 2)), BOARD)
     assert estimate.model is None
-    assert calibration.verdict is Verdict.UNUSED
+    assert calibration.verdict is Verdict.NO_POSE
 
 
 @pytest.mark.parametrize(
@@ -210,37 +199,46 @@ def test_a_wrong_view_is_the_callers_fault():
         SelfCalibration((0, 480))
 
 
+def _update(calibration, view):
+    """Update with a view; return the estimates that on_pose got, and the camera at that moment."""
+    calls = []
+
+    def on_pose(estimate):
+        fused = calibration.fused
+        calls.append((estimate, fused and fused.camera))
+
+    returned = calibration.update(view.image_points, view.board_points, on_pose=on_pose)
+    [(estimate, camera)] = calls
+    assert estimate is returned
+    return estimate, camera
+
+
 @takes_long
-def test_an_early_answer_is_by_the_camera_that_is_known():
-    """There is none before that camera is good, and it hardly differs from the later one."""
+def test_a_calibrated_camera_publishes_the_pose_before_it_learns():
+    """The pose is by the camera before the update, and hardly differs from the one after it."""
     views = views_of(drawn(13), 40, 13)
-    calibration = SelfCalibration(IMAGE_SIZE)
-    assert calibration.early_answer(_looked_at(calibration, views[0])) is None
-    calibrated(views[:30], calibration)
+    calibration, in_turn = calibrated(views[:30]), calibrated(views[:30])
     assert calibration.state is CalibrationState.CALIBRATED
     for view in views[30:]:
-        sighting, before = _looked_at(calibration, view), calibration.fused.camera
-        early = calibration.early_answer(sighting)
-        assert early.model.camera == before == calibration.fused.camera
-        calibration.learn(sighting)
-        late = calibration.answer(sighting)
-        assert late.model.camera == calibration.fused.camera
+        before = calibration.fused.camera
+        early, camera = _update(calibration, view)
+        assert early.model.camera == before == camera
+        late = in_turn.update(view.image_points, view.board_points)
+        assert late.model.camera == in_turn.fused.camera == calibration.fused.camera
         step = late.model.camera_from_board.translation - early.model.camera_from_board.translation
         assert step @ np.linalg.solve(early.covariance[:3, :3], step) < 1.0
-    strange = views_of(drawn(14), 1, 14)[0]
-    assert calibration.early_answer(_looked_at(calibration, strange)) is None
 
 
 @takes_long
-def test_two_boards_of_one_picture_are_both_learnt_from():
-    """The second was looked at before the first had changed the camera."""
-    views = views_of(drawn(15), 6, 15)
-    calibration, in_turn = calibrated(views[:4]), calibrated(views)
-    for sighting in [_looked_at(calibration, view) for view in views[4:]]:
-        calibration.learn(sighting)
-    assert calibration.fused.camera == in_turn.fused.camera
-    assert len(calibration.views) == 6
-
-
-def _looked_at(calibration, view):
-    return calibration.look(view.image_points, view.board_points)
+def test_other_poses_are_published_after_the_update():
+    """Without a calibrated camera, or by a view that disagrees with it."""
+    views = views_of(drawn(13), 30, 13)
+    calibration = SelfCalibration(IMAGE_SIZE)
+    estimate, camera = _update(calibration, views[0])
+    assert camera is not None
+    assert camera == estimate.model.camera == calibration.fused.camera
+    calibrated(views[1:], calibration)
+    strange = views_of(drawn(14), 1, 14)[0]
+    estimate, camera = _update(calibration, strange)
+    assert calibration.verdict is Verdict.OUTLIER
+    assert estimate.model.camera != camera

@@ -1,25 +1,14 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The sextic: its forms agree, and its roots are found wherever they lie."""
 
 from hypothesis import strategies as st
 from laws import law
 import numpy as np
-from p4pfr_ros.core.intervals import STACK_SHAPE
-from p4pfr_ros.core.roots import feasible_roots, MAX_ROOTS
-from p4pfr_ros.core.sextic import coefficients, evaluate, Factors, factors
+from p4pfr_ros.core.minimal.intervals import STACK_SHAPE
+from p4pfr_ros.core.minimal.roots import feasible_roots, MAX_ROOTS
+from p4pfr_ros.core.minimal.sextic import coefficients, evaluate, Factors, factors
 import pytest
 
 seeds = st.integers(0, 2**32 - 1)

@@ -1,26 +1,15 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The covariance keeps its word: over many views, the truth is where it says."""
 
 from errors import deviation
 import numpy as np
-from p4pfr_ros import estimate_pose, RansacOptions
+from p4pfr_ros import estimate_pose, EstimateOptions
 from p4pfr_ros.core.jit import COMPILED
-from p4pfr_ros.core.synthetic import IMAGE_SIZE
-from p4pfr_ros.core.uncertainty import noise_variance
-from p4pfr_ros.core.views import view
+from p4pfr_ros.core.model.uncertainty import noise_variance
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
+from p4pfr_ros.scenes.single_view import view
 import pytest
 
 VIEWS = 2000
@@ -28,7 +17,7 @@ VIEWS = 2000
 
 def errors_and_covariances(n, views, sigma_px=None, noise_px=0.5, known=False):
     rng = np.random.default_rng(5)
-    options = RansacOptions(sigma_px=sigma_px)
+    options = EstimateOptions(sigma_px=sigma_px)
     errors, covariances = [], []
     for _ in range(views):
         drawn = view(rng, n, noise_px=noise_px)
@@ -97,7 +86,7 @@ def test_the_given_noise_is_the_covariances_unit():
             drawn.image_points,
             drawn.board_points,
             image_size=IMAGE_SIZE,
-            options=RansacOptions(sigma_px=sigma_px),
+            options=EstimateOptions(sigma_px=sigma_px),
         ).covariance
         for sigma_px in (0.15, 0.3)
     ]
@@ -111,7 +100,7 @@ def test_four_points_have_the_default_noise():
             drawn.image_points,
             drawn.board_points,
             image_size=IMAGE_SIZE,
-            options=RansacOptions(sigma_px=sigma_px),
+            options=EstimateOptions(sigma_px=sigma_px),
         ).covariance
         for sigma_px in (None, 0.5)
     ]

@@ -1,27 +1,16 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The modes of the node without a node: views in, answers and news out."""
 
 from typing import NamedTuple
 
 from p4pfr_ros import DivisionCamera, PoseEstimate
-from p4pfr_ros.ros.intrinsics import Intrinsics
-from p4pfr_ros.ros.options import PoseNodeOptions
-from p4pfr_ros.ros.parameters import replaced
-from p4pfr_ros.ros.rejections import Rejected
-from p4pfr_ros.ros.self_calibrating import SelfCalibrating
+from p4pfr_ros.ros.parameters.declare import replaced
+from p4pfr_ros.ros.parameters.options import PoseNodeOptions
+from p4pfr_ros.ros.pose.camera_source import Intrinsics
+from p4pfr_ros.ros.pose.self_calibrating import SelfCalibrating
+from p4pfr_ros.ros.runtime.rejections import Rejected
 
 NO_CAMERA_INFO = Rejected('no_camera_info', 'none has come')
 LEARNING = 60

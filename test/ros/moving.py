@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Views of a board that moves before a camera as the simulator moves it, with noisy corners."""
 
@@ -20,8 +9,8 @@ import numpy as np
 from p4pfr_ros import DivisionCamera, Pose
 from p4pfr_ros.boards import Chessboard
 from p4pfr_ros.ros.conversions import cloud_msg
-from p4pfr_ros.ros.intrinsics import View
-from p4pfr_ros.ros.simulated_path import SimulatedPath
+from p4pfr_ros.ros.pose.camera_source import View
+from p4pfr_ros.scenes.board_path import SimulatedPath
 import scenes
 
 SIZE = (640, 480)

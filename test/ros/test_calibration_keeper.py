@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The calibration's life beside being made: where it lies, loaded, saved, passed on."""
 
@@ -21,13 +10,13 @@ import time
 import moving
 import numpy as np
 from p4pfr_ros import CalibrationState
-from p4pfr_ros.calibration_file import Calibration, load_calibration, save_calibration
-from p4pfr_ros.files import ConfigError
-from p4pfr_ros.ros.calibration_keeper import CalibrationKeeper
-from p4pfr_ros.ros.calibration_path import calibration_path
+from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
 from p4pfr_ros.ros.conversions import ImageFrame
-from p4pfr_ros.ros.options import PoseNodeOptions
-from p4pfr_ros.ros.parameters import replaced
+from p4pfr_ros.ros.parameters.declare import replaced
+from p4pfr_ros.ros.parameters.options import PoseNodeOptions
+from p4pfr_ros.ros.pose.calibration_keeper import CalibrationKeeper
+from p4pfr_ros.ros.pose.calibration_path import calibration_path
 import pytest
 import scenes
 

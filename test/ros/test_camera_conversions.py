@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Cameras to CameraInfo and back, without a network."""
 
@@ -19,7 +8,7 @@ import re
 
 import numpy as np
 from p4pfr_ros import DivisionCamera
-from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.ros.conversions import (
     camera_info_division_msg,
     camera_info_from_model_msg,

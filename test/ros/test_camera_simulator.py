@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """camera_simulator: its path keeps the board in sight, and its messages belong together."""
 
@@ -24,7 +13,7 @@ from p4pfr_ros.rendering import Renderer
 from p4pfr_ros.ros.camera_simulator import CameraSimulator
 from p4pfr_ros.ros.conversions import image_from_msg
 from p4pfr_ros.ros.demo.views import tilt_deg
-from p4pfr_ros.ros.simulated_path import FILL, SimulatedPath, TILT_DEG
+from p4pfr_ros.scenes.board_path import FILL, SimulatedPath, TILT_DEG
 import pytest
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo, Image

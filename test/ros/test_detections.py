@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """AprilTagDetectionArray to correspondences; apriltag_msgs itself need not be installed."""
 
@@ -22,11 +11,11 @@ import numpy as np
 from p4pfr_ros import estimate_pose, Pose
 from p4pfr_ros.boards import Bundle, Charuco, Marker, MarkerGrid, PlacedMarker
 from p4pfr_ros.boards.conventions import CORNER_ORDERS
-from p4pfr_ros.core.camera import DivisionCamera
+from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.detection import detect
 from p4pfr_ros.rendering import render
 from p4pfr_ros.ros.conversions import correspondences_from_detections, detection_array_type
-from p4pfr_ros.ros.rejections import Rejected
+from p4pfr_ros.ros.runtime.rejections import Rejected
 import pytest
 import scenes
 from std_msgs.msg import Header

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """detector_node over DDS: pictures in, the board's points out."""
 
@@ -20,8 +9,8 @@ import cv2
 import numpy as np
 from p4pfr_ros import Pose
 from p4pfr_ros.boards import Bundle, Chessboard, PlacedMarker
-from p4pfr_ros.drawing import annotate
 from p4pfr_ros.rendering import render
+from p4pfr_ros.report.drawing import annotate
 from p4pfr_ros.ros import detector_node
 from p4pfr_ros.ros.conversions import correspondences_from_cloud, image_from_msg, image_msg
 import pytest

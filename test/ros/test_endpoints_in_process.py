@@ -1,25 +1,14 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What a user may say of a node's endpoints, and how they are made; in process."""
 
 import time
 
-from p4pfr_ros.files import ConfigError
-from p4pfr_ros.ros.endpoints import Endpoints, is_awaited
-from p4pfr_ros.ros.qos_overrides import warn_of_unknown_overrides
-from p4pfr_ros.ros.services import CameraInfoSetter
+from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.ros.pose.services import CameraInfoSetter
+from p4pfr_ros.ros.runtime.endpoints import Endpoints, is_awaited
+from p4pfr_ros.ros.runtime.qos_overrides import warn_of_unknown_overrides
 import pytest
 import rclpy
 from rclpy.parameter import Parameter

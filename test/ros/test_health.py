@@ -1,22 +1,11 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What /diagnostics says: levels with their reasons; the clock is the test's."""
 
 from events import AMBIGUOUS, answer, BROKEN, GOOD, head, NO_SIZE, reject, UNSEEN
-from p4pfr_ros.ros.health import Health, Level, STALE_AFTER_S
-from p4pfr_ros.ros.rejections import Rejected
+from p4pfr_ros.ros.pose.health import Health, Level, STALE_AFTER_S
+from p4pfr_ros.ros.runtime.rejections import Rejected
 import pytest
 
 IDLE = (Level.OK, 'idle: no board is seen, or nobody listens to the answers')

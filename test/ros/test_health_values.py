@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What /diagnostics says: its numbers, and how often; the clock is the test's."""
 
@@ -19,10 +8,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from events import AMBIGUOUS, answer, BROKEN, GOOD, NO_SIZE, reject, UNSEEN
 import numpy as np
 from p4pfr_ros import DivisionCamera
-from p4pfr_ros.core.camera_estimate import CameraEstimate
+from p4pfr_ros.core.many_views.camera_estimate import CameraEstimate
 from p4pfr_ros.ros.conversions.diagnostics import diagnostics_msg
-from p4pfr_ros.ros.health import Health, Level, Status
-from p4pfr_ros.ros.rejections import Rejected
+from p4pfr_ros.ros.pose.health import Health, HealthStatus, Level
+from p4pfr_ros.ros.runtime.rejections import Rejected
 import pytest
 
 
@@ -157,7 +146,7 @@ def test_the_levels_are_those_of_the_message():
 
 def test_a_status_becomes_a_message():
     """One status, with all its values in order."""
-    status = Status(Level.WARN, 'why', {'b': '1', 'a': '2'})
+    status = HealthStatus(Level.WARN, 'why', {'b': '1', 'a': '2'})
     msg = diagnostics_msg(Time(sec=7), 'pose_node: camera', 'a_camera', status)
     assert msg.header.stamp.sec == 7
     (only,) = msg.status

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """From messages to the boards that they show; over DDS, other tests see them answered."""
 
@@ -19,11 +8,11 @@ from types import ModuleType
 
 from geometry_msgs.msg import PolygonStamped
 import numpy as np
-from p4pfr_ros.ros.inputs import Inputs
-from p4pfr_ros.ros.options import PoseNodeOptions
-from p4pfr_ros.ros.parameters import Parameters
-from p4pfr_ros.ros.rejections import Rejected
-from p4pfr_ros.ros.targets import MARKER, Targets
+from p4pfr_ros.ros.parameters.declare import Parameters
+from p4pfr_ros.ros.parameters.options import PoseNodeOptions
+from p4pfr_ros.ros.pose.inputs import Inputs
+from p4pfr_ros.ros.pose.targets import MARKER, Targets
+from p4pfr_ros.ros.runtime.rejections import Rejected
 import pytest
 import rclpy
 from rclpy.parameter import Parameter

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The modes without a node: how good poses get, what changes are noticed, what is refused."""
 
@@ -18,9 +7,9 @@ from modes import fixed, FREEZE, LEARNING, Modes, NO_CAMERA_INFO, options, SELF_
 import moving
 import numpy as np
 from p4pfr_ros import CalibrationState
-from p4pfr_ros.calibration_file import Calibration
 from p4pfr_ros.core.geometry import rotation_angle_rad
-from p4pfr_ros.ros.parameters import replaced
+from p4pfr_ros.files.calibration import Calibration
+from p4pfr_ros.ros.parameters.declare import replaced
 import pytest
 
 

@@ -1,24 +1,17 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Launch files: what they would start, with a stand-in for the `launch` that starts it."""
 
 from pathlib import Path
 
 from launch_stand_in import Run, SHARE
-from p4pfr_ros.ros.options import CameraSimulatorOptions, DetectorNodeOptions, PoseNodeOptions
-from p4pfr_ros.ros.parameters import flattened, replaced
+from p4pfr_ros.ros.parameters.declare import flattened, replaced
+from p4pfr_ros.ros.parameters.options import (
+    CameraSimulatorOptions,
+    DetectorNodeOptions,
+    PoseNodeOptions,
+)
 import pytest
 import rclpy
 from rclpy.node import Node

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The nodes' pages in docs/ are in step with the nodes, their parameters, and config/."""
 
@@ -20,10 +9,14 @@ import re
 import subprocess
 import sys
 
-from p4pfr_ros.core.estimate import Stop
-from p4pfr_ros.ros.health import Health
-from p4pfr_ros.ros.options import CameraSimulatorOptions, DetectorNodeOptions, PoseNodeOptions
-from p4pfr_ros.ros.parameters import flattened
+from p4pfr_ros.core.one_view.results import Status
+from p4pfr_ros.ros.parameters.declare import flattened
+from p4pfr_ros.ros.parameters.options import (
+    CameraSimulatorOptions,
+    DetectorNodeOptions,
+    PoseNodeOptions,
+)
+from p4pfr_ros.ros.pose.health import Health
 import pytest
 import yaml
 
@@ -37,11 +30,11 @@ NODES = {
 ROS_SOURCES = {p for p in (ROOT / 'p4pfr_ros' / 'ros').rglob('*.py') if p.parent.name != 'demo'}
 PICTURES = {
     ROOT / 'p4pfr_ros' / 'ros' / 'detector_node.py',
-    ROOT / 'p4pfr_ros' / 'pixel_formats.py',
+    ROOT / 'p4pfr_ros' / 'files' / 'pixel_formats.py',
 }
 SIMULATOR = {ROOT / 'p4pfr_ros' / 'ros' / 'camera_simulator.py'}
 # Why an estimate has no model.
-NO_MODEL = {Stop.COLLINEAR, Stop.NO_SOLUTION, Stop.NO_CONSENSUS}
+NO_MODEL = {Status.COLLINEAR, Status.NO_SOLUTION, Status.NO_CONSENSUS}
 SOURCES = {
     'pose_node': ROS_SOURCES - PICTURES - SIMULATOR,
     'detector_node': PICTURES,

@@ -1,26 +1,19 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Parameters: declared once, described, checked with a reason, and in step with config/."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from p4pfr_ros import CalibrationOptions, RansacOptions
-from p4pfr_ros.files import ConfigError
-from p4pfr_ros.ros.options import CameraSimulatorOptions, DetectorNodeOptions, PoseNodeOptions
-from p4pfr_ros.ros.parameters import flattened, parameter, Parameters, replaced
+from p4pfr_ros import CalibrationOptions, EstimateOptions
+from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.ros.parameters.declare import flattened, parameter, Parameters, replaced
+from p4pfr_ros.ros.parameters.options import (
+    CameraSimulatorOptions,
+    DetectorNodeOptions,
+    PoseNodeOptions,
+)
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
@@ -172,13 +165,13 @@ def _flat(tree, prefix):
 
 
 def test_the_solver_gets_what_the_parameters_say():
-    """``robust.*`` are the fields of RansacOptions, by name and by default."""
-    assert PoseNodeOptions().robust.ransac() == RansacOptions()
+    """``robust.*`` are the fields of EstimateOptions, by name and by default."""
+    assert PoseNodeOptions().robust.ransac() == EstimateOptions()
     changed = replaced(PoseNodeOptions(), {'robust.threshold_px': 5.0, 'robust.seed': 9})
-    assert changed.robust.ransac() == RansacOptions(threshold_px=5.0, seed=9)
+    assert changed.robust.ransac() == EstimateOptions(threshold_px=5.0, seed=9)
     known = {'robust.prior_focal_px': 500.0, 'robust.prior_focal_sigma_px': 5.0}
     prior = replaced(PoseNodeOptions(), known).robust.ransac()
-    assert prior == RansacOptions(prior_focal_px=500.0, prior_focal_sigma_px=5.0)
+    assert prior == EstimateOptions(prior_focal_px=500.0, prior_focal_sigma_px=5.0)
     with pytest.raises(ConfigError, match=r'^robust\.prior_focal_px'):
         replaced(PoseNodeOptions(), {'robust.prior_focal_px': 500.0})
     with pytest.raises(ConfigError, match=r'^robust\.max_fov_deg'):

@@ -1,25 +1,14 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Pictures of another size are of another camera, as far as anybody can tell."""
 
 from modes import FREEZE, LEARNING, Modes, SELF_CALIBRATE
 import moving
 from p4pfr_ros import CalibrationState
-from p4pfr_ros.calibration_file import Calibration
-from p4pfr_ros.ros.intrinsics import View
-from p4pfr_ros.ros.rejections import Rejected
+from p4pfr_ros.files.calibration import Calibration
+from p4pfr_ros.ros.pose.camera_source import View
+from p4pfr_ros.ros.runtime.rejections import Rejected
 
 
 def test_pictures_of_another_size_are_of_another_camera():

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The life of a node's process: how it starts, what it says, how it ends."""
 
@@ -53,7 +42,7 @@ SIGNALLED = """
 import os, signal, sys, time
 import rclpy
 from rclpy.node import Node
-from p4pfr_ros.ros.spin import run
+from p4pfr_ros.ros.runtime.spin import run
 
 def make():
     if '{moment}' == 'before the node':

@@ -1,25 +1,14 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What is said on /diagnostics and in the log of what became of messages; nobody else talks."""
 
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from p4pfr_ros.ros.endpoints import Endpoints
-from p4pfr_ros.ros.rejections import Rejected
-from p4pfr_ros.ros.reports import Reports
+from p4pfr_ros.ros.pose.reports import Reports
+from p4pfr_ros.ros.runtime.endpoints import Endpoints
+from p4pfr_ros.ros.runtime.rejections import Rejected
 import pytest
 import rclpy
 

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Answers shown: on /tf what is known of where a board is, markers to whoever looks."""
 
@@ -25,11 +14,11 @@ from p4pfr_ros import estimate_pose
 from p4pfr_ros.ros.conversions import Correspondences, ImageFrame
 from p4pfr_ros.ros.conversions.markers import markers_msg
 from p4pfr_ros.ros.conversions.poses import transform_msg
-from p4pfr_ros.ros.endpoints import Endpoints
-from p4pfr_ros.ros.options import PoseNodeOptions
-from p4pfr_ros.ros.scene import Scene
-from p4pfr_ros.ros.seen_board import SeenBoard
-from p4pfr_ros.ros.targets import MARKER
+from p4pfr_ros.ros.parameters.options import PoseNodeOptions
+from p4pfr_ros.ros.pose.scene import Scene
+from p4pfr_ros.ros.pose.seen_board import SeenBoard
+from p4pfr_ros.ros.pose.targets import MARKER
+from p4pfr_ros.ros.runtime.endpoints import Endpoints
 import pytest
 import rclpy
 import scenes
@@ -131,7 +120,7 @@ def test_markers_are_made_for_whoever_looks(node, estimate, monkeypatch):
         while not condition() and time.monotonic() < ends_s:
             rclpy.spin_once(node, timeout_sec=0.01)
 
-    monkeypatch.setattr('p4pfr_ros.ros.scene.markers_msg', markers)
+    monkeypatch.setattr('p4pfr_ros.ros.pose.scene.markers_msg', markers)
     scene, options = Scene(node, node.endpoints), PoseNodeOptions()
     assert not scene.is_heard(options)
     scene.show(BOARD, estimate, options)

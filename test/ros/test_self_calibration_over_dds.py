@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The camera calibrates itself over the wire: better poses, kept, passed on, started over."""
 
@@ -19,7 +8,7 @@ import signal
 from geometry_msgs.msg import PoseWithCovarianceStamped
 import moving
 import numpy as np
-from p4pfr_ros.calibration_file import load_calibration
+from p4pfr_ros.files.calibration import load_calibration
 from p4pfr_ros.ros.conversions import division_camera_from_msg, model_from_msg, pose_from_msg
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile

@@ -1,23 +1,12 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The boards of a file: their topics, their frames, their numbers."""
 
-from p4pfr_ros.files import ConfigError
-from p4pfr_ros.ros.pose_options import PoseNodeOptions
-from p4pfr_ros.ros.rejections import Rejected
-from p4pfr_ros.ros.targets import MARKER, Targets
+from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
+from p4pfr_ros.ros.pose.targets import MARKER, Targets
+from p4pfr_ros.ros.runtime.rejections import Rejected
 import pytest
 
 ONE = '{type: chessboard, columns: 9, rows: 6, square_m: 0.025}'

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """config/p4pfr.rviz and config/p4pfr_foxglove.json: well formed, and of topics that there are."""
 
@@ -19,7 +8,7 @@ import json
 from pathlib import Path
 import re
 
-from p4pfr_ros.ros.options import CameraSimulatorOptions
+from p4pfr_ros.ros.parameters.options import CameraSimulatorOptions
 import pytest
 import yaml
 
@@ -32,7 +21,7 @@ DISPLAYS = {display['Class'].split('/')[-1]: display for display in RVIZ['Displa
 
 def published():
     """Yield the topics that our nodes' sources mention: '~/markers', or the end of an f-string."""
-    for path in (ROOT / 'p4pfr_ros/ros').glob('*.py'):
+    for path in (ROOT / 'p4pfr_ros/ros').rglob('*.py'):
         node = path.stem if path.stem in ('detector_node', 'camera_simulator') else 'pose_node'
         for constant in ast.walk(ast.parse(path.read_text())):
             text = getattr(constant, 'value', None)

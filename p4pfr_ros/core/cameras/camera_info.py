@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """``CameraInfoModel``: a camera as sensor_msgs/CameraInfo has it, and as OpenCV computes it."""
 
@@ -22,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .geometry import Array, as_points
 from .lens_maps import lens_map
+from ..geometry import Array, as_points
 
 # How many coefficients each model has. A plumb_bob of four is one of five with k3 = 0.
 COEFFICIENTS = {'plumb_bob': 5, 'rational_polynomial': 8, 'equidistant': 4}

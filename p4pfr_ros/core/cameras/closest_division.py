@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The way back: the division camera closest to one that was calibrated in another model."""
 
@@ -20,10 +9,10 @@ import math
 
 import numpy as np
 
-from .camera import DivisionCamera
-from .camera_info_model import CameraInfoModel, corner_radius_px
-from .geometry import Array
+from .camera_info import CameraInfoModel, corner_radius_px
+from .division import DivisionCamera
 from .lens_maps import lens_map
+from ..geometry import Array
 
 # The fewest terms with which the division model is as close as this, px, are enough.
 _GOOD_ENOUGH_PX = 0.1

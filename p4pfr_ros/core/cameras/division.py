@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The division model: a camera whose lens bends straight lines, in one number."""
 
@@ -22,9 +11,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .camera_info_fit import fit_camera_info_model
-from .camera_info_model import CameraInfoModel
-from .geometry import Array, as_points
+from .camera_info import CameraInfoModel
+from .convert import fit_camera_info_model
+from ..geometry import Array, as_points
 
 # The forward map of a wide lens has no closed form: a table, then Newton's steps.
 _TABLE_SIZE = 1024

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Bundle adjustment: Levenberg-Marquardt over one lens and the poses of all views."""
 
@@ -22,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from .bundle import Bundle, truncated_cost, view_block
-from .geometry import Array
-from .jit import jit
-from .lens import COLUMNS, FOCAL, K, LENS_SIZE, POSE_COLUMNS
-from .linear import rotate, solve_in_place
 from .schur import pose_step, reduce_view
-from .solution import TRANSLATION
+from ..geometry import Array
+from ..jit import jit
+from ..linalg import rotate, solve_in_place
+from ..minimal.solution import TRANSLATION
+from ..model.lens import COLUMNS, FOCAL, K, LENS_SIZE, POSE_COLUMNS
 
 # Numbers of a pose: the rotation row by row, then the translation.
 POSE_SIZE = 12

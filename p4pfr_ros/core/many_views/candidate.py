@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """A new view, looked at twice: through the camera of the others, and by itself."""
 
@@ -22,13 +11,13 @@ from functools import cached_property
 import numpy as np
 
 from .bundle import squared_errors
-from .calibration_view import bundle_of, CalibrationView, lens_of
-from .camera import DivisionCamera
-from .estimate import PoseEstimate, RansacOptions
-from .geometry import Array
 from .joint_fit import JointFit
-from .robust import estimate_pose
-from .seen_by_fit import seen_by_fit, SeenByFit
+from .view_by_fit import seen_by_fit, SeenByFit
+from ..cameras.division import DivisionCamera
+from ..geometry import Array
+from ..model.calibration_view import bundle_of, CalibrationView, lens_of
+from ..one_view.estimate_pose import estimate_pose
+from ..one_view.results import EstimateOptions, PoseEstimate
 
 # A view is beyond doubt where so many of its points are inliers, and their squares are no more
 # than so many times what the noise's are.
@@ -55,7 +44,7 @@ class Sighting:
     fit: JointFit
     camera: DivisionCamera
     image_size: tuple[int, int]
-    robust: RansacOptions
+    robust: EstimateOptions
 
     @cached_property
     def known(self) -> PoseEstimate:

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Whether the camera has changed: what its latest views say, taken together."""
 
@@ -21,12 +10,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .geometry import Array
-from .information import inverse_of, Knowledge
+from .candidate import Sighting
 from .joint_fit import JointFit
-from .lens import K
 from .scatter import scatter_of
-from .sighting import Sighting
+from ..geometry import Array
+from ..model.lens import K
+from ..model.prior import inverse_of, Knowledge
 
 # The latest views that told something of the camera.
 _MEMORY = 10

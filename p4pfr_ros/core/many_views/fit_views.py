@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The joint fit itself: find the noise, adjust with its gate, and say what came out."""
 
@@ -22,15 +11,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .adjust import adjust, adjust_room, AdjustRoom, fill_blocks, lens_equations, view_equations
 from .bundle import Bundle, squared_errors
-from .calibration_view import bundle_of, CalibrationView
-from .geometry import Array
-from .information import Knowledge
+from .bundle_adjustment import (
+    adjust,
+    adjust_room,
+    AdjustRoom,
+    fill_blocks,
+    lens_equations,
+    view_equations,
+)
 from .joint_fit import gate_of, JointFit
-from .lens import K, LENS_SIZE, POSE_COLUMNS
 from .scatter import scatter_of
-from .uncertainty import DEFAULT_SIGMA_PX, noise_variance
+from ..geometry import Array
+from ..model.calibration_view import bundle_of, CalibrationView
+from ..model.lens import K, LENS_SIZE, POSE_COLUMNS
+from ..model.prior import Knowledge
+from ..model.uncertainty import DEFAULT_SIGMA_PX, noise_variance
 
 # The median of the squared length of a normal error is 2 ln 2 variances of a coordinate.
 _MEDIAN_SQUARE = 2.0 * math.log(2.0)

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """A camera from few views, where one start may lead to a wrong optimum: several are tried."""
 
@@ -20,14 +9,14 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from .calibration_view import CalibrationView, lens_of
-from .camera import DivisionCamera
-from .estimate import PoseEstimate, RansacOptions
 from .fit_views import fit_views
-from .geometry import Array
-from .information import Knowledge
 from .joint_fit import JointFit
-from .robust import estimate_pose
+from ..cameras.division import DivisionCamera
+from ..geometry import Array
+from ..model.calibration_view import CalibrationView, lens_of
+from ..model.prior import Knowledge
+from ..one_view.estimate_pose import estimate_pose
+from ..one_view.results import EstimateOptions, PoseEstimate
 
 # Four points have up to six solutions; of more views' solutions, the likeliest few.
 _MOST_STARTS = 12
@@ -44,7 +33,7 @@ def found(
     rows: Sequence[Array],
     cameras: Iterable[DivisionCamera],
     knowledge: Knowledge,
-    options: RansacOptions,
+    options: EstimateOptions,
 ) -> list[JointFit]:
     """
     Fit all views, once from each camera.
@@ -69,7 +58,7 @@ def best_of(fits: Sequence[JointFit]) -> JointFit:
 
 
 def _row_by_camera(
-    view: CalibrationView, row: Array, camera: DivisionCamera, options: RansacOptions
+    view: CalibrationView, row: Array, camera: DivisionCamera, options: EstimateOptions
 ) -> Array:
     """Return the pose (12,) of a view by a camera; where there is none, the row."""
     estimate = estimate_pose(view.image_points, view.board_points, camera=camera, options=options)

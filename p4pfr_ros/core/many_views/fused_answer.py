@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """A view's pose by the camera of all views, dressed as an estimate."""
 
@@ -19,11 +8,11 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 
-from .calibration_view import camera_of
-from .estimate import PoseEstimate, Stop
-from .observability import observability_of, without_the_undetermined
-from .seen_by_fit import SeenByFit
-from .solution import Solution
+from .view_by_fit import SeenByFit
+from ..minimal.solution import Solution
+from ..model.calibration_view import camera_of
+from ..one_view.observability import observability_of, without_the_undetermined
+from ..one_view.results import PoseEstimate, Status
 
 
 def fused_answer(seen: SeenByFit, known: PoseEstimate, threshold_px: float) -> PoseEstimate:
@@ -35,15 +24,15 @@ def fused_answer(seen: SeenByFit, known: PoseEstimate, threshold_px: float) -> P
         camera.focal_px, pose.translation, covariance, seen.view.scaled.corner_px
     )
     inliers = seen.squares < threshold_px**2
-    stop = known.stop
+    stop = known.status
     if observable.undetermined:
-        stop = Stop.UNDETERMINED
-    elif stop is Stop.UNDETERMINED:
-        stop = Stop.CONFIDENT
+        stop = Status.UNDETERMINED
+    elif stop is Status.UNDETERMINED:
+        stop = Status.CONFIDENT
     return replace(
         known,
         model=Solution(camera, pose),
-        stop=stop,
+        status=stop,
         inliers=inliers,
         rms_px=math.sqrt(seen.squares[inliers].mean()) if inliers.any() else math.nan,
         covariance=without_the_undetermined(covariance, observable),

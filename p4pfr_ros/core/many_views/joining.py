@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """A new view and the camera of the others: the fit of all together, where they agree."""
 
@@ -21,13 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .candidate import disagrees, Sighting
 from .fit_views import fit_views
 from .founding import best_of, cameras_of, found
-from .information import Knowledge
 from .joint_fit import JointFit
-from .order import asks_for_next_term, MAX_ORDER, needs_last_term
-from .sighting import disagrees, Sighting
-from .view_choice import least_telling
+from .lens_order import asks_for_next_term, MAX_ORDER, needs_last_term
+from .selection import least_telling
+from ..model.prior import Knowledge
 
 # With fewer coordinates to spare, another term would explain away any disagreement.
 _ENOUGH_FOR_A_TERM = 60

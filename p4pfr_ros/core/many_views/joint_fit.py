@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The joint fit of one camera to many views, and what it says of itself."""
 
@@ -22,14 +11,14 @@ import math
 
 import numpy as np
 
-from .adjust import (
+from .bundle_adjustment import (
     POSE_SIZE,
 )
-from .calibration_view import CalibrationView
-from .geometry import Array, Ints
-from .information import inverse_of, Knowledge
-from .lens import K, LENS_SIZE
-from .uncertainty import DEFAULT_SIGMA_PX, posterior_variance
+from ..geometry import Array, Ints
+from ..model.calibration_view import CalibrationView
+from ..model.lens import K, LENS_SIZE
+from ..model.prior import inverse_of, Knowledge
+from ..model.uncertainty import DEFAULT_SIGMA_PX, posterior_variance
 
 # A point whose error is beyond this many standard deviations of a coordinate is an outlier: of
 # normal errors three in ten thousand are. And no corner is that good, px.

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What the views have taught of their camera, and what becomes of a new one."""
 
@@ -18,21 +7,21 @@ from __future__ import annotations
 
 import math
 
-from .calibration_terms import CalibrationOptions, CalibrationState, Verdict
-from .calibration_view import CalibrationView, camera_of
 from .camera_estimate import CameraEstimate
-from .camera_knowledge import common_camera, order_of, saved_camera
-from .changes import Changes
-from .estimate import RansacOptions
+from .candidate import Sighting
+from .change_detection import Changes
 from .fit_views import fit_views
-from .geometry import Array
-from .information import Knowledge
 from .joining import explained_anew, settled, with_view
 from .joint_fit import JointFit, unfitted
 from .progress import progress_of
-from .sighting import Sighting
-from .uncertainty import DEFAULT_SIGMA_PX
-from .view_choice import distance_to_views_px, is_worth_a_fit, poses_of, rows_of, tells_focal
+from .results import CalibrationOptions, CalibrationState, Verdict
+from .selection import distance_to_views_px, is_worth_a_fit, poses_of, rows_of, tells_focal
+from ..geometry import Array
+from ..model.calibration_view import CalibrationView, camera_of
+from ..model.camera_knowledge import common_camera, order_of, saved_camera
+from ..model.prior import Knowledge
+from ..model.uncertainty import DEFAULT_SIGMA_PX
+from ..one_view.results import EstimateOptions
 
 # A changed camera's lens is as sharp as before: its noise is no more than so many variances.
 _AS_SHARP = 4.0
@@ -54,7 +43,7 @@ class Learning:
     """
 
     def __init__(
-        self, image_size: tuple[int, int], options: CalibrationOptions, robust: RansacOptions
+        self, image_size: tuple[int, int], options: CalibrationOptions, robust: EstimateOptions
     ) -> None:
         width, height = image_size
         self._image_size, self._options, self._robust = image_size, options, robust
@@ -69,7 +58,7 @@ class Learning:
 
     def start(self, adopted: CameraEstimate | None) -> None:
         """Forget all views; begin with a camera that is known, or with none."""
-        self.verdict = Verdict.UNUSED
+        self.verdict = Verdict.NO_POSE
         self._adopted = adopted
         self._changes.clear()
         self._last_poses = rows_of(())
@@ -85,18 +74,18 @@ class Learning:
 
     def learn(self, sighting: Sighting) -> None:
         """Find what becomes of a view, the verdict, and let the camera follow it."""
-        self.verdict = Verdict.UNUSED
+        self.verdict = Verdict.NO_POSE
         if sighting.fit is not self.fit:  # another view has been learnt from since
             sighting = self.sighting(sighting.view)
         if sighting.agrees and not self._is_new(sighting, self._last_poses):
             self._seen_again(sighting)
         elif sighting.agrees and not self._is_new(sighting, self._poses):
-            self._agreed(sighting, Verdict.KNOWN)
+            self._agreed(sighting, Verdict.REDUNDANT)
         elif sighting.explained:
             joined = with_view(sighting, self._knowledge, self._options.max_views)
             if joined is not None:
                 self._take(*joined)
-                self._agreed(sighting, Verdict.KEPT)
+                self._agreed(sighting, Verdict.USED)
             elif sighting.agrees:
                 self._agreed(sighting, self._remembered(sighting))
             else:
@@ -104,7 +93,7 @@ class Learning:
 
     def _seen_again(self, sighting: Sighting) -> None:
         """Take note of a board that has not moved: one look, for hours, is no more than one."""
-        self.verdict, seen = Verdict.KNOWN, sighting.by_fit
+        self.verdict, seen = Verdict.REDUNDANT, sighting.by_fit
         # But it speaks against outliers that come between, one by one.
         if self._changes.any_disagreed and seen and tells_focal(seen, self.common):
             self._changes.forget_an_outlier()
@@ -113,15 +102,15 @@ class Learning:
         """Remember what a view tells that is not worth one of the kept ones' places."""
         seen, fit = sighting.by_fit, self.fit
         if seen is None:
-            return Verdict.KNOWN
+            return Verdict.REDUNDANT
         known = self._knowledge.remembering(seen.told, seen.pull, fit.lens, fit.variance)
         self._knowledge = known
         more = fit.variance * (known.information - self._fitted.information)
         if not is_worth_a_fit(fit, more):
-            return Verdict.KNOWN
+            return Verdict.REDUNDANT
         again = fit_views(fit.views, fit.poses, fit.lens, fit.order, known, self._robust.sigma_px)
         self._take(settled(again, known, self._robust.sigma_px), known)
-        return Verdict.KEPT
+        return Verdict.USED
 
     def _is_new(self, sighting: Sighting, poses: Array) -> bool:
         """Say whether a view has the board where none of these poses (V, 12) has it."""

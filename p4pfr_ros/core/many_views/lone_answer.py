@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The answer to a view that disagrees with the camera: by itself, its centre in doubt too."""
 
@@ -18,14 +7,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from .calibration_view import lens_of
-from .estimate import PoseEstimate
+from .candidate import Sighting
 from .fit_views import fit_views
 from .fused_answer import fused_answer
-from .information import Knowledge
-from .lens import CX, CY
-from .seen_by_fit import seen_by_fit
-from .sighting import Sighting
+from .view_by_fit import seen_by_fit
+from ..model.calibration_view import lens_of
+from ..model.lens import CX, CY
+from ..model.prior import Knowledge
+from ..one_view.results import PoseEstimate
 
 
 def lone_answer(sighting: Sighting, common: Knowledge) -> PoseEstimate:

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """How far a calibration is, by the standard deviations of its camera; and that camera."""
 
@@ -20,12 +9,12 @@ import math
 
 import numpy as np
 
-from .calibration_terms import CalibrationOptions, CalibrationState
-from .camera import DivisionCamera
 from .camera_estimate import CameraEstimate
-from .geometry import Array
 from .joint_fit import JointFit
-from .lens import CX, FOCAL, K, LENS_SIZE
+from .results import CalibrationOptions, CalibrationState
+from ..cameras.division import DivisionCamera
+from ..geometry import Array
+from ..model.lens import CX, FOCAL, K, LENS_SIZE
 
 # Rougher than this, a share of the focal length or a bend of the corner, a camera is a guess.
 _GUESS = 0.15

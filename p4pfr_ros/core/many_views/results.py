@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The words of self-calibration: what it is asked, how far it is, what became of a view."""
 
@@ -21,7 +10,7 @@ import enum
 import math
 from typing import Any
 
-from .geometry import Array, Mask, Pose
+from ..geometry import Array, Mask, Pose
 
 
 class CalibrationState(enum.Enum):
@@ -35,11 +24,11 @@ class CalibrationState(enum.Enum):
 class Verdict(enum.Enum):
     """What became of a view; the value is a sentence for people."""
 
-    KEPT = 'the camera has been estimated anew, with what the view tells'
-    KNOWN = 'the view agrees with the camera, and adds nothing new'
+    USED = 'the camera has been estimated anew, with what the view tells'
+    REDUNDANT = 'the view agrees with the camera, and adds nothing new'
     OUTLIER = 'the view disagrees with the camera, and does not count'
     RESTARTED = 'the views disagree with the camera for good: it has changed, and is started over'
-    UNUSED = 'the view has no answer'
+    NO_POSE = 'the view has no answer'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +95,7 @@ class CalibrationOptions:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class KeptView:
+class Keyframe:
     """
     A view that the camera is estimated from.
 

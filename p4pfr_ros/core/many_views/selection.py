@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Which views are worth keeping: those that are new, and tell most of the camera together."""
 
@@ -21,15 +10,15 @@ import math
 
 import numpy as np
 
-from .adjust import POSE_SIZE
-from .camera import DivisionCamera
-from .geometry import Array, Pose
-from .information import inverse_of, Knowledge
-from .jit import jit, kernel
+from .bundle_adjustment import POSE_SIZE
 from .joint_fit import JointFit
-from .lens import closed_form, FOCAL, K
-from .seen_by_fit import SeenByFit
-from .solution import TRANSLATION
+from .view_by_fit import SeenByFit
+from ..cameras.division import DivisionCamera
+from ..geometry import Array, Pose
+from ..jit import jit, kernel
+from ..minimal.solution import TRANSLATION
+from ..model.lens import closed_form, FOCAL, K
+from ..model.prior import inverse_of, Knowledge
 
 # The log-determinant of the information must rise by so much: for a view to take another's place,
 # and for what was remembered of many to be fitted. Nothing is lost by waiting.

@@ -1,35 +1,25 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """``SelfCalibration``: the camera from all its views of flat boards, while they come in."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from .calibration_terms import CalibrationOptions, CalibrationState, KeptView, Verdict
-from .calibration_view import calibration_view
 from .camera_estimate import CameraEstimate
-from .estimate import PoseEstimate, RansacOptions
+from .candidate import Sighting
 from .fused_answer import fused_answer
-from .kept_views import kept_views
+from .keyframes import keyframes
 from .learning import Learning
 from .lone_answer import lone_answer
-from .seen_by_fit import seen_by_fit
-from .sighting import Sighting
+from .results import CalibrationOptions, CalibrationState, Keyframe, Verdict
+from .view_by_fit import seen_by_fit
+from ..model.calibration_view import calibration_view
+from ..one_view.results import EstimateOptions, PoseEstimate
 
 
 class SelfCalibration:
@@ -62,21 +52,21 @@ class SelfCalibration:
         image_size: tuple[int, int],
         *,
         options: CalibrationOptions | None = None,
-        robust: RansacOptions | None = None,
+        robust: EstimateOptions | None = None,
     ) -> None:
         width, height = image_size
         if not (width > 0 and height > 0):
             raise ValueError(f'image_size must be positive, got {image_size}')
         self.image_size = (int(width), int(height))
         self.options = options or CalibrationOptions()
-        self.robust = robust or RansacOptions()
+        self.robust = robust or EstimateOptions()
         self._learning = Learning(self.image_size, self.options, self.robust)
 
     def reset(self) -> None:
         """Forget all views, and the camera."""
         self._learning.start(None)
 
-    def adopt(self, estimate: CameraEstimate) -> None:
+    def load(self, estimate: CameraEstimate) -> None:
         """Start over from a camera that is known: an earlier calibration, say."""
         self._learning.start(estimate)
 
@@ -96,29 +86,38 @@ class SelfCalibration:
         return self._learning.verdict
 
     @property
-    def views(self) -> tuple[KeptView, ...]:
+    def views(self) -> tuple[Keyframe, ...]:
         """The views that the camera is estimated from, oldest first."""
-        return kept_views(self._learning.fit)
+        return keyframes(self._learning.fit)
 
     def update(
-        self, image_points: ArrayLike, board_points: ArrayLike, stamp: Any = None
+        self,
+        image_points: ArrayLike,
+        board_points: ArrayLike,
+        stamp: Any = None,
+        *,
+        on_pose: Callable[[PoseEstimate], object] | None = None,
     ) -> PoseEstimate:
         """
-        Take in one view, and estimate its pose.
+        Estimate the pose of one view, and update the camera with it.
 
         Parameters
         ----------
         image_points : (N, 2) array, N ≥ 4
-            Pixels of the full raw picture; pixel centres are integers.
+            Pixels of the full raw image; pixel centres are integers.
         board_points : (N, 2) array
             The same points on the board's plane Z = 0, metres.
         stamp
-            Whatever tells the view from others; it is kept with it.
+            Any value that identifies the view; it is stored with a keyframe.
+        on_pose
+            Called once with the estimate that is returned, as soon as it is known: while the
+            camera is CALIBRATED and the view agrees with it, that is before the camera is
+            updated, which takes longer than the pose.
 
         Returns
         -------
-        The estimate by the fused camera, whose errors its covariance holds. While there is no
-        such camera, or where the view disagrees with it, the estimate by the view alone.
+        The estimate by the fused camera; its covariance includes the camera's. Without a fused
+        camera, or if the view disagrees with it, the estimate from this view alone.
 
         Raises
         ------
@@ -126,41 +125,34 @@ class SelfCalibration:
             A wrong shape, or a number that is not finite.
 
         """
-        sighting = self.look(image_points, board_points, stamp)
-        self.learn(sighting)
-        return self.answer(sighting)
-
-    def look(
-        self, image_points: ArrayLike, board_points: ArrayLike, stamp: Any = None
-    ) -> Sighting:
-        """Take a view as ``update`` does, but learn nothing from it yet."""
         view = calibration_view(image_points, board_points, self.image_size, stamp)
-        return self._learning.sighting(view)
+        candidate = self._learning.sighting(view)
+        estimate = self._early_estimate(candidate) if on_pose else None
+        if on_pose and estimate:
+            on_pose(estimate)
+        self._learning.learn(candidate)
+        if estimate is None:
+            estimate = self._estimate(candidate)
+            if on_pose:
+                on_pose(estimate)
+        return estimate
 
-    def early_answer(self, sighting: Sighting) -> PoseEstimate | None:
-        """
-        Answer a view by the camera as it is, before it is learnt from, which takes longer.
-
-        None where learning comes first: until the camera is CALIBRATED, or if the view disagrees.
-        """
-        if self.state is not CalibrationState.CALIBRATED or not sighting.agrees:
+    def _early_estimate(self, candidate: Sighting) -> PoseEstimate | None:
+        """Return the pose by the calibrated camera; None if there is none yet, or it disagrees."""
+        if self.state is not CalibrationState.CALIBRATED or not candidate.agrees:
             return None
-        assert sighting.by_fit is not None
-        return fused_answer(sighting.by_fit, sighting.known, self.robust.threshold_px)
+        assert candidate.by_fit is not None
+        return fused_answer(candidate.by_fit, candidate.known, self.robust.threshold_px)
 
-    def learn(self, sighting: Sighting) -> None:
-        """Find what becomes of a view, the ``verdict``, and let the camera follow it."""
-        self._learning.learn(sighting)
-
-    def answer(self, sighting: Sighting) -> PoseEstimate:
-        """Answer the view that was learnt from last: by the fused camera, where both agree."""
+    def _estimate(self, candidate: Sighting) -> PoseEstimate:
+        """Return the pose by the updated camera, if both agree."""
         learning = self._learning
         if learning.verdict is Verdict.OUTLIER:
-            return lone_answer(sighting, learning.common)
-        if learning.fused is None or learning.verdict is Verdict.UNUSED:
-            return sighting.alone
-        seen, fit = sighting.by_fit, learning.fit
-        if seen is None or fit is not sighting.fit:
-            is_last = bool(fit.views) and fit.views[-1] is sighting.view
-            seen = seen_by_fit(sighting.view, fit.poses[-1] if is_last else sighting.row, fit)
-        return fused_answer(seen, sighting.known_or_alone, self.robust.threshold_px)
+            return lone_answer(candidate, learning.common)
+        if learning.fused is None or learning.verdict is Verdict.NO_POSE:
+            return candidate.alone
+        seen, fit = candidate.by_fit, learning.fit
+        if seen is None or fit is not candidate.fit:
+            is_last = bool(fit.views) and fit.views[-1] is candidate.view
+            seen = seen_by_fit(candidate.view, fit.poses[-1] if is_last else candidate.row, fit)
+        return fused_answer(seen, candidate.known_or_alone, self.robust.threshold_px)

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """A view through the camera of a joint fit: what it tells of that, and how sure its pose is."""
 
@@ -22,15 +11,15 @@ from functools import cached_property
 import numpy as np
 
 from .bundle import Bundle, view_block
-from .calibration_view import bundle_of, CalibrationView
 from .fused_covariance import fused_covariance
-from .geometry import Array
-from .information import inverse_of
-from .jit import jit
 from .joint_fit import JointFit
-from .lens import COLUMNS, POSE_COLUMNS, RESIDUAL, squared_error
-from .problem import POSE_AND_CAMERA
-from .uncertainty import noise_variance
+from ..geometry import Array
+from ..jit import jit
+from ..model.calibration_view import bundle_of, CalibrationView
+from ..model.lens import COLUMNS, POSE_COLUMNS, RESIDUAL, squared_error
+from ..model.prior import inverse_of
+from ..model.uncertainty import noise_variance
+from ..one_view.problem import POSE_AND_CAMERA
 
 # A view whose own noise is this many times the variance of all views' is believed: it is blurred.
 _NOISIER = 2.0

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Four depths, seen before anything else: the cone of λ > 0.
@@ -27,8 +16,8 @@ physical solution is λ = (1 - τ) a + τ b with 0 < τ < 1. No cone: no solutio
 
 from __future__ import annotations
 
-from .geometry import Array
-from .jit import kernel
+from ..geometry import Array
+from ..jit import kernel
 
 # What rounding leaves of a product whose true value is zero, as a multiple of the sizes of its
 # factors. The image points are differences (pixel minus centre): each carries an error of ε

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Intervals with the sextic's Bernstein coefficients over them, and what the coefficients' signs say.
@@ -24,9 +13,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from .geometry import Array
-from .jit import kernel
 from .sextic import coefficients, Factors, Seven
+from ..geometry import Array
+from ..jit import kernel
 
 # A coefficient below this share of the largest that its scheme began with may have any sign: the
 # scheme's rounding is some 1e-15 of that.

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Planar P4Pfr: pose, focal length and radial distortion from four points of a plane.
@@ -34,15 +23,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .cone import board_weights, depth_cone
-from .geometry import Array, as_points, Ints
 from .intervals import STACK_SHAPE
-from .jit import jit, kernel
 from .normalise import board_duals, scale_image, unscale
 from .polish import polish
-from .recover import place_centroid, pose_from_root
+from .pose import place_centroid, pose_from_root
 from .roots import feasible_roots, MAX_ROOTS
 from .sextic import factors
 from .solution import G, H, ROW_SIZE, Solution, solution_from_row, TRANSLATION
+from ..geometry import Array, as_points, Ints
+from ..jit import jit, kernel
 
 # k > 0 bends the rays back beyond r = 1/√k: a point's pixel is then the nearer of two, and a
 # solution that has it at the farther one satisfies the equations, but not the projection.

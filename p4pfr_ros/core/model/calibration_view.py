@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """A view as self-calibration keeps it: well scaled, its image about the middle of the picture."""
 
@@ -23,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .adjust import POSE_SIZE
-from .bundle import Bundle
-from .camera import DivisionCamera
-from .geometry import Array, Pose
 from .lens import CX, CY, FOCAL, K, K2, K3, LENS_SIZE
-from .prepare import prepare, PreparedView
-from .solution import TRANSLATION
+from .observation import prepare, PreparedView
+from ..cameras.division import DivisionCamera
+from ..geometry import Array, Pose
+from ..many_views.bundle import Bundle
+from ..many_views.bundle_adjustment import POSE_SIZE
+from ..minimal.solution import TRANSLATION
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What is known of a camera before any view: what lenses are like, and what the caller knows."""
 
@@ -21,11 +10,11 @@ import math
 import numpy as np
 
 from .calibration_view import lens_of
-from .camera import DivisionCamera
-from .camera_estimate import CameraEstimate
-from .estimate import RansacOptions
-from .information import inverse_of, Knowledge
 from .lens import CX, CY, FOCAL, K, K2, K3, LENS_SIZE
+from .prior import inverse_of, Knowledge
+from ..cameras.division import DivisionCamera
+from ..many_views.camera_estimate import CameraEstimate
+from ..one_view.results import EstimateOptions
 
 # Most cameras have a field of view of about 60° along the diagonal, give or take a factor, and
 # bend the picture's corner by a share of about a third, by each term. This is so little that a
@@ -36,7 +25,7 @@ _BEND_SPREAD = 0.3
 
 
 def common_camera(
-    image_size: tuple[int, int], center_spread: float, robust: RansacOptions
+    image_size: tuple[int, int], center_spread: float, robust: EstimateOptions
 ) -> Knowledge:
     """
     Return what most cameras are, and in its place what the caller's priors say.

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 The division camera of many views inside the kernels: six numbers, any order, free centre.
@@ -31,10 +20,10 @@ from __future__ import annotations
 
 import math
 
-from .geometry import Array
-from .jit import kernel
-from .normal import fill_pose_columns
-from .solution import TRANSLATION
+from .normal_equations import fill_pose_columns
+from ..geometry import Array
+from ..jit import kernel
+from ..minimal.solution import TRANSLATION
 
 # Places in a lens: focal length (px), centre (px, from the middle of the picture), k, k2, k3.
 FOCAL, CX, CY, K, K2, K3 = range(6)

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """From the caller's view to well-scaled numbers: the image about its centre, the board about 1."""
 
@@ -22,9 +11,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .camera import DivisionCamera
-from .geometry import Array, as_points
-from .jit import jit
+from ..cameras.division import DivisionCamera
+from ..geometry import Array, as_points
+from ..jit import jit
 
 # Of the board's size: points no farther from a line than rounding takes them are on it.
 _ON_A_LINE = 1e-9

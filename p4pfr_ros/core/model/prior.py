@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What is known of the lens besides the views that are fitted: beforehand, and from others."""
 
@@ -20,10 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .adjust import LensPrior
-from .geometry import Array
 from .lens import LENS_SIZE
-from .linear import invert_information
+from ..geometry import Array
+from ..linalg import invert_information
+from ..many_views.bundle_adjustment import LensPrior
 
 # Views that are no longer fitted count for so many at most, and fade as new ones come: a lens
 # that is warmed up by the sun may change.

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """How sure one view is: the noise of its points, and the covariance of its estimate."""
 
@@ -18,11 +7,11 @@ from __future__ import annotations
 
 import math
 
-from .geometry import Array
-from .jit import jit, kernel
-from .linear import solve_in_place
-from .problem import POSE_AND_CAMERA
-from .solution import G, H
+from ..geometry import Array
+from ..jit import jit, kernel
+from ..linalg import solve_in_place
+from ..minimal.solution import G, H
+from ..one_view.problem import POSE_AND_CAMERA
 
 # The noise of a corner where the points leave too little to measure it by, px.
 DEFAULT_SIGMA_PX = 0.5

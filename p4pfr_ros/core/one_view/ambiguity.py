@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Other local optima that explain a view as well: the flip, and other roots of the samples.
@@ -26,13 +15,13 @@ import math
 
 import numpy as np
 
-from .geometry import Array
-from .jit import jit
 from .least_squares import minimise, truncated_cost
 from .problem import hypotheses, plausible, POSE, Problem
 from .ransac import RansacRoom
 from .sampling import draw_sample, first_state, smallest_triangles
-from .solution import ROW_SIZE, TRANSLATION
+from ..geometry import Array
+from ..jit import jit
+from ..minimal.solution import ROW_SIZE, TRANSLATION
 
 # At most so many alternatives are told.
 MAX_OTHERS = 6

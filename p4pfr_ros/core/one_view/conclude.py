@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """From the best row to all that there is to say of it, in one compiled call."""
 
@@ -22,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from .ambiguity import MAX_OTHERS, other_optima
-from .geometry import Array
-from .jit import jit
 from .least_squares import minimise, normal_equations, truncated_cost
 from .prior import prior_cost
 from .problem import hypotheses, plausible, Problem, squared_errors
 from .ransac import ransac_room, RansacRoom
-from .solution import ROW_SIZE
-from .uncertainty import (
+from ..geometry import Array
+from ..jit import jit
+from ..minimal.solution import ROW_SIZE
+from ..model.uncertainty import (
     covariance_from,
     DEFAULT_SIGMA_PX,
     largest_excess,

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """From a kernel's row of numbers to a ``PoseEstimate``: priors, noise, honesty."""
 
@@ -21,18 +10,18 @@ import math
 
 import numpy as np
 
-from .camera import DivisionCamera
 from .conclude import conclude, Conclusion, conclusion_room, MAX_RATIO, STEPS, Summary
-from .estimate import PoseEstimate, RansacOptions, Stop
 from .free_camera import Gates
-from .geometry import Array, Pose
 from .likelihood import another_focal_fits
 from .observability import Observability, observability_of, without_the_undetermined
-from .prepare import PreparedView
 from .prior import Prior
 from .problem import free_problem, known_problem, Problem
-from .solution import G, H, Solution, TRANSLATION
-from .uncertainty import DEFAULT_SIGMA_PX
+from .results import EstimateOptions, PoseEstimate, Status
+from ..cameras.division import DivisionCamera
+from ..geometry import Array, Pose
+from ..minimal.solution import G, H, Solution, TRANSLATION
+from ..model.observation import PreparedView
+from ..model.uncertainty import DEFAULT_SIGMA_PX
 
 # What most cameras are: a field of view of about 60°, and a lens that bends the corner little.
 # It stands in for what a view does not determine, and ranks what it cannot tell apart; a
@@ -52,7 +41,7 @@ class Answering:
 
     view: PreparedView
     camera: DivisionCamera | None
-    options: RansacOptions
+    options: EstimateOptions
 
     @property
     def sigma_px(self) -> float:
@@ -107,7 +96,7 @@ class Answering:
         return float(by_focal**2 + by_bend**2)
 
     def describe(
-        self, row: Array, problem: Problem, others: Array | None, stop: Stop, iterations: int
+        self, row: Array, problem: Problem, others: Array | None, stop: Status, iterations: int
     ) -> PoseEstimate:
         """
         Say of a row all that there is to say.
@@ -127,12 +116,12 @@ class Answering:
             row[:] = start
             summary, seen = self._stand_in(row, seen, summary, seek, found)
         if summary.inliers < min(n, self.options.min_inliers):
-            return no_estimate(Stop.NO_CONSENSUS, n, iterations)
+            return no_estimate(Status.NO_CONSENSUS, n, iterations)
         if others is None:
             others = found.others[: summary.others]
         return PoseEstimate(
             model=self._solution(row),
-            stop=_stop(stop, seen),
+            status=_stop(stop, seen),
             inliers=found.squares < self.options.threshold_px**2,
             rms_px=math.sqrt(summary.total / summary.inliers),
             iterations=iterations,
@@ -206,18 +195,18 @@ class Answering:
         return Solution(camera, Pose.unchecked(rotation, self._translation(row)))
 
 
-def _stop(stop: Stop, seen: Observability) -> Stop:
+def _stop(stop: Status, seen: Observability) -> Status:
     """Say first what people must know first."""
-    if stop is Stop.FOUR_POINTS or not seen.undetermined:
+    if stop is Status.FOUR_POINTS or not seen.undetermined:
         return stop
-    return Stop.UNDETERMINED
+    return Status.UNDETERMINED
 
 
-def no_estimate(stop: Stop, n: int, iterations: int) -> PoseEstimate:
+def no_estimate(stop: Status, n: int, iterations: int) -> PoseEstimate:
     """Answer that there is none, and why."""
     return PoseEstimate(
         model=None,
-        stop=stop,
+        status=stop,
         inliers=np.zeros(n, dtype=bool),
         rms_px=math.nan,
         iterations=iterations,

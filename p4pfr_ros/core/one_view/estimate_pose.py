@@ -1,30 +1,27 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
-"""``estimate_pose``: one view of a board, some points wrong, to a pose and how sure it is."""
+"""``estimate_pose``: the pose of a board from one view, with outliers among its points."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+import functools
+
+import numpy as np
 from numpy.typing import ArrayLike
 
-from .answer import Answering, no_estimate
-from .camera import DivisionCamera
-from .estimate import PoseEstimate, RansacOptions, Stop
+from .describe import Answering, no_estimate
 from .estimation import Estimation
-from .prepare import prepare
+from .results import EstimateOptions, PoseEstimate, Status
+from ..cameras.camera_info import CameraInfoModel
+from ..cameras.closest_division import division_camera_from_model
+from ..cameras.division import DivisionCamera
+from ..geometry import as_points
+from ..model.observation import prepare
 
-_DEFAULTS = RansacOptions()
+_DEFAULTS = EstimateOptions()
+_FEWEST_POINTS = 4
 
 
 def estimate_pose(
@@ -33,8 +30,8 @@ def estimate_pose(
     *,
     image_size: tuple[int, int] | None = None,
     center_px: tuple[float, float] | None = None,
-    camera: DivisionCamera | None = None,
-    options: RansacOptions | None = None,
+    camera: DivisionCamera | CameraInfoModel | None = None,
+    options: EstimateOptions | None = None,
 ) -> PoseEstimate:
     """
     Estimate pose, focal length and distortion from one view of a plane.
@@ -50,7 +47,9 @@ def estimate_pose(
     center_px
         Principal point and distortion centre; by default the middle of the image.
     camera
-        The camera where it is known: pose only; the other two are then not needed.
+        The camera if it is known: only the pose is estimated, and image_size and center_px are
+        not needed. With a CameraInfoModel, ``model.camera`` of the result is the division camera
+        closest to it.
     options
         How to search.
 
@@ -60,7 +59,45 @@ def estimate_pose(
         A wrong shape, a number that is not finite, or nothing that says where the centre is.
 
     """
+    if isinstance(camera, CameraInfoModel):
+        return _by_camera_info(image_points, board_points, camera, options)
     view = prepare(image_points, board_points, image_size, center_px, camera)
     if view.collinear:
-        return no_estimate(Stop.COLLINEAR, len(view.image), 0)
+        return no_estimate(Status.COLLINEAR, len(view.image), 0)
     return Estimation(Answering(view, camera, options or _DEFAULTS)).run()
+
+
+def _by_camera_info(
+    image_points: ArrayLike,
+    board_points: ArrayLike,
+    model: CameraInfoModel,
+    options: EstimateOptions | None,
+) -> PoseEstimate:
+    """
+    Estimate the pose by a camera of another model than ours.
+
+    Each pixel's ray is exact by that model. It is projected by the closest division camera, so
+    that threshold, rms_px and covariance are in raw pixels (but for the residual between the two
+    models) at the rim of wide lenses too, where an undistorted plane would stretch them.
+    """
+    raw = as_points(image_points, 'image_points', (None, 2))
+    board = as_points(board_points, 'board_points', (len(raw), 2))
+    if len(raw) < _FEWEST_POINTS:
+        raise ValueError(f'image_points must be at least {_FEWEST_POINTS}, got {len(raw)}')
+    camera = _closest(model)
+    moved = camera.project(model.unproject(raw))
+    seen = ~np.isnan(moved).any(axis=1)
+    if np.count_nonzero(seen) < _FEWEST_POINTS:
+        return no_estimate(Status.NO_SOLUTION, len(raw), 0)
+    estimate = estimate_pose(
+        moved[seen], board[seen], image_size=model.image_size, camera=camera, options=options
+    )
+    inliers = np.zeros(len(raw), dtype=bool)
+    inliers[seen] = estimate.inliers
+    return replace(estimate, inliers=inliers)
+
+
+@functools.lru_cache(maxsize=16)
+def _closest(model: CameraInfoModel) -> DivisionCamera:
+    """Return the closest division camera, kept from view to view."""
+    return division_camera_from_model(model)[0]

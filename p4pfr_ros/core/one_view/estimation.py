@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """One call of ``estimate_pose``: find the best model, or rank those of four points."""
 
@@ -22,18 +11,18 @@ import math
 import numpy as np
 
 from .ambiguity import same_optimum
-from .answer import Answering, no_estimate
-from .camera import DivisionCamera
 from .conclude import MAX_RATIO, refine_all, refine_wide, solve_four
-from .estimate import PoseEstimate, Stop
-from .geometry import Array
+from .describe import Answering, no_estimate
 from .least_squares import truncated_cost
 from .prior import NO_PRIOR
 from .problem import known_problem, POSE, Problem
 from .ransac import Search, search_best
-from .roots import MAX_ROOTS
-from .solution import G, H, ROW_SIZE
+from .results import PoseEstimate, Status
 from .weak_perspective import weak_perspective_rows
+from ..cameras.division import DivisionCamera
+from ..geometry import Array
+from ..minimal.roots import MAX_ROOTS
+from ..minimal.solution import G, H, ROW_SIZE
 
 # A guessed camera is some pixels off: its pose is sought with a wider threshold (of squares).
 _WIDE = 100.0
@@ -63,13 +52,13 @@ class Estimation:
             rows[count] = guess
             count += 1
         if count == 0:
-            return no_estimate(Stop.NO_SOLUTION, 4, 1)
+            return no_estimate(Status.NO_SOLUTION, 4, 1)
         # None of four is an outlier yet. Without a prior a free camera meets them exactly.
         refine_all(rows, count, problem, costs)
         if count == 1:
-            return answering.describe(rows[0], problem, None, Stop.FOUR_POINTS, 1)
+            return answering.describe(rows[0], problem, None, Status.FOUR_POINTS, 1)
         ranked = _ranked(rows[:count], costs[:count], answering, problem.prior != NO_PRIOR)
-        return answering.describe(ranked[0], problem, ranked[1:], Stop.FOUR_POINTS, 1)
+        return answering.describe(ranked[0], problem, ranked[1:], Status.FOUR_POINTS, 1)
 
     def _pose_of_four(self, problem: Problem, rows: Array) -> PoseEstimate:
         """Refine the pose by a known camera from its closed form, or from weak perspective."""
@@ -79,9 +68,9 @@ class Estimation:
             rows = weak_perspective_rows(problem.rays, problem.board)
             refine_all(rows, len(rows), problem, costs)
         if len(rows) == 0:
-            return no_estimate(Stop.NO_SOLUTION, 4, 1)
+            return no_estimate(Status.NO_SOLUTION, 4, 1)
         best = rows[np.argmin(costs[: len(rows)])]
-        return self.answering.describe(best, problem, None, Stop.FOUR_POINTS, 1)
+        return self.answering.describe(best, problem, None, Status.FOUR_POINTS, 1)
 
     def _from_many(self) -> PoseEstimate:
         """Search, refine and look for other optima."""
@@ -95,8 +84,8 @@ class Estimation:
             guess = self._guessed()
             if guess is not None and truncated_cost(guess, problem, search.limit, cost) < cost:
                 best, cost = guess, 0.0
-        stop = Stop.SPENT if iterations == search.max_iterations else Stop.CONFIDENT
-        answer = no_estimate(Stop.NO_SOLUTION, len(problem.image), iterations)
+        stop = Status.SPENT if iterations == search.max_iterations else Status.CONFIDENT
+        answer = no_estimate(Status.NO_SOLUTION, len(problem.image), iterations)
         if cost < math.inf:
             answer = answering.describe(best, problem, None, stop, iterations)
         if answer.model is None and not self._knows_focal:

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 A view by an unknown camera: its solver, its reprojection error and the Jacobian.
@@ -29,11 +18,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from .geometry import Array
-from .jit import kernel
-from .minimal import solve_minimal, UNFOLDED, Workspace
-from .normal import add_point, fill_pose_columns
-from .solution import G, H, ROW_SIZE, TRANSLATION
+from ..geometry import Array
+from ..jit import kernel
+from ..minimal.solution import G, H, ROW_SIZE, TRANSLATION
+from ..minimal.solver import solve_minimal, UNFOLDED, Workspace
+from ..model.normal_equations import add_point, fill_pose_columns
 
 _SMALLEST_W = 1e-100
 

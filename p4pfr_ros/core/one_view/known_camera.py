@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 A view by a known camera: pose alone, by the camera's rays, whatever its lens.
@@ -27,14 +16,14 @@ from __future__ import annotations
 
 import math
 
-from .cone import board_weights
-from .geometry import Array, Ints
-from .jit import kernel
-from .minimal import Workspace
-from .normal import add_point, fill_pose_columns
-from .normalise import board_duals, unscale
-from .recover import orthogonal_factor
-from .solution import G, H, TRANSLATION
+from ..geometry import Array, Ints
+from ..jit import kernel
+from ..minimal.cone import board_weights
+from ..minimal.normalise import board_duals, unscale
+from ..minimal.pose import orthogonal_factor
+from ..minimal.solution import G, H, TRANSLATION
+from ..minimal.solver import Workspace
+from ..model.normal_equations import add_point, fill_pose_columns
 
 
 @kernel

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Levenberg-Marquardt over the truncated squared reprojection error of one view."""
 
@@ -21,13 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .geometry import Array
-from .jit import jit
-from .linear import rotate, solve_in_place
-from .normal import COLUMNS
 from .prior import add_prior, prior_cost
 from .problem import add_points, POSE_AND_CAMERA, Problem, truncated_sum
-from .solution import G, H, ROW_SIZE, TRANSLATION
+from ..geometry import Array
+from ..jit import jit
+from ..linalg import rotate, solve_in_place
+from ..minimal.solution import G, H, ROW_SIZE, TRANSLATION
+from ..model.normal_equations import COLUMNS
 
 # Damping, relative to the diagonal of JᵀJ.
 _FIRST_DAMPING = 1e-4

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Whether a very different focal length explains a view as well: a question for the likelihood.
@@ -23,12 +12,12 @@ from __future__ import annotations
 
 import math
 
-from .geometry import Array
-from .jit import jit
 from .least_squares import least_squares_room, minimise, truncated_cost
 from .prior import Prior
 from .problem import Problem
-from .solution import G, H, TRANSLATION
+from ..geometry import Array
+from ..jit import jit
+from ..minimal.solution import G, H, TRANSLATION
 
 # What is called observable must tell a camera from one of half, and of twice, its focal length.
 _FACTOR = 2.0

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 One view as the kernels want it, and what the loops may ask of it.
@@ -27,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 
 from . import free_camera, known_camera
-from .camera import DivisionCamera
 from .free_camera import Gates
-from .geometry import Array, Ints
-from .jit import jit
-from .minimal import Workspace
 from .prior import NO_PRIOR, Prior
+from ..cameras.division import DivisionCamera
+from ..geometry import Array, Ints
+from ..jit import jit
+from ..minimal.solver import Workspace
 
 # The unknowns: pose and camera, or pose alone where the camera is known.
 POSE_AND_CAMERA = 8

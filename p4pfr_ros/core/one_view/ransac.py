@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 The robust loop: LO-MSAC, in one compiled function.
@@ -27,14 +16,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .geometry import Array, Ints
-from .jit import jit
 from .least_squares import least_squares_room, LeastSquaresRoom, minimise, truncated_cost
-from .minimal import Workspace, workspace
 from .problem import count_within, hypotheses, plausible, Problem
-from .roots import MAX_ROOTS
 from .sampling import draw_sample, first_state, samples_needed, smallest_triangles
-from .solution import ROW_SIZE
+from ..geometry import Array, Ints
+from ..jit import jit
+from ..minimal.roots import MAX_ROOTS
+from ..minimal.solution import ROW_SIZE
+from ..minimal.solver import Workspace, workspace
 
 # A new best hypothesis is refined in few steps, at first with a wide gate: four noisy points
 # make a model that misses many of its inliers.

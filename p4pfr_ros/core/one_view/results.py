@@ -1,18 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
-"""What the robust estimation is asked (``RansacOptions``) and what it answers."""
+"""What the robust estimation is asked (``EstimateOptions``) and what it answers."""
 
 from __future__ import annotations
 
@@ -20,12 +9,12 @@ from dataclasses import dataclass
 import enum
 import math
 
-from .geometry import Array, Mask
 from .observability import Observability
-from .solution import Solution
+from ..geometry import Array, Mask
+from ..minimal.solution import Solution
 
 
-class Stop(enum.Enum):
+class Status(enum.Enum):
     """Why the search ended; the value is a sentence for people."""
 
     CONFIDENT = 'enough samples were drawn for the confidence that was asked for'
@@ -47,7 +36,7 @@ _AT_LEAST = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RansacOptions:
+class EstimateOptions:
     """
     How ``estimate_pose`` searches.
 
@@ -153,7 +142,7 @@ class PoseEstimate:
     """
 
     model: Solution | None
-    stop: Stop
+    status: Status
     inliers: Mask
     rms_px: float
     iterations: int

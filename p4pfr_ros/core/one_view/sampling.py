@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Samples of four points: drawn without repetition, none too flat to solve, and how many."""
 
@@ -18,8 +7,8 @@ from __future__ import annotations
 
 import math
 
-from .geometry import Array, Ints
-from .jit import jit
+from ..geometry import Array, Ints
+from ..jit import jit
 
 # A sample whose largest triangle is below this share of the board's own square extent, or no
 # larger in the image than the noise, is drawn again.

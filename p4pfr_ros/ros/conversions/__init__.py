@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Messages to numbers and back: the only room that knows the fields of a message.
@@ -22,7 +11,7 @@ what is in it. Those that read our own outputs back, ``pose_from_msg`` and
 """
 
 from p4pfr_ros.boards.conventions import CORNER_ORDERS
-from p4pfr_ros.image_files import Picture
+from p4pfr_ros.files.images import ImageArray
 
 from .alternatives import pose_array_msg
 from .cameras import (
@@ -45,8 +34,8 @@ __all__ = [
     'CORNER_ORDERS',
     'LARGEST_IMAGE_PX',
     'Correspondences',
+    'ImageArray',
     'ImageFrame',
-    'Picture',
     'camera_info_division_msg',
     'camera_info_from_model_msg',
     'camera_info_msg',

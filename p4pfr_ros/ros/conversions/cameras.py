@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 CameraInfo <-> the picture's frame, the division camera, and the models of image_proc.
@@ -25,13 +14,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from p4pfr_ros.core.camera import DivisionCamera
-from p4pfr_ros.core.camera_info_model import CameraInfoModel, COEFFICIENTS
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel, COEFFICIENTS
+from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 from std_msgs.msg import Header
 
-from ..rejections import Rejected
+from ..runtime.rejections import Rejected
 
 # In either direction; no sensor comes near it.
 LARGEST_IMAGE_PX = 65535

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Image and CompressedImage <-> arrays: (h, w) grey or (h, w, 3) BGR, 8 bits."""
 
@@ -18,29 +7,29 @@ from __future__ import annotations
 
 from array import array
 
-from p4pfr_ros.image_files import Picture
-from p4pfr_ros.pixel_formats import (
-    picture_from_compressed_fields,
-    picture_from_fields,
+from p4pfr_ros.files.images import ImageArray
+from p4pfr_ros.files.pixel_formats import (
+    image_from_compressed_fields,
+    image_from_fields,
     Unreadable,
 )
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import Header
 
-from ..rejections import Rejected
+from ..runtime.rejections import Rejected
 
 
-def image_from_msg(msg: Image) -> Picture | Rejected:
+def image_from_msg(msg: Image) -> ImageArray | Rejected:
     """Take the picture out of an Image, of any encoding in `pixel_formats`."""
-    return _or_rejected(picture_from_fields(msg))
+    return _or_rejected(image_from_fields(msg))
 
 
-def image_from_compressed(msg: CompressedImage) -> Picture | Rejected:
+def image_from_compressed(msg: CompressedImage) -> ImageArray | Rejected:
     """Take the picture out of a CompressedImage: JPEG, PNG or what else OpenCV reads."""
-    return _or_rejected(picture_from_compressed_fields(msg))
+    return _or_rejected(image_from_compressed_fields(msg))
 
 
-def image_msg(header: Header, picture: Picture) -> Image:
+def image_msg(header: Header, picture: ImageArray) -> Image:
     """Make an Image, mono8 or bgr8, of (h, w) grey or (h, w, 3) BGR."""
     height, width = picture.shape[:2]
     grey = picture.ndim == 2
@@ -50,5 +39,5 @@ def image_msg(header: Header, picture: Picture) -> Image:
     return msg
 
 
-def _or_rejected(found: Picture | Unreadable) -> Picture | Rejected:
+def _or_rejected(found: ImageArray | Unreadable) -> ImageArray | Rejected:
     return Rejected(found.cause, found.reason) if isinstance(found, Unreadable) else found

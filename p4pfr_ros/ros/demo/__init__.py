@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 The whole package at work: a simulated camera, the detector and the pose node over DDS.
@@ -29,9 +18,10 @@ import time
 
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.boards import Board
-from p4pfr_ros.files import ConfigError, load_board
-from p4pfr_ros.places import check_place
+from p4pfr_ros.files.boards import ConfigError, load_board
+from p4pfr_ros.files.places import check_place
 from p4pfr_ros.rendering import render
+from p4pfr_ros.scenes.board_path import SimulatedPath
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
@@ -41,8 +31,7 @@ from .monitor import Monitor
 from .picture import write_picture
 from .table import Screen
 from .views import Errors, median_errors, View
-from ..simulated_path import SimulatedPath
-from ..warm_up import warm_up
+from ..runtime.warm_up import warm_up
 
 IMAGE_SIZE = (640, 480)
 # About 110 degrees along the diagonal: its bent lines are plain to see.

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """demo.png: a view as it was seen, with what was found; beside it, straightened."""
 
@@ -22,8 +11,8 @@ import cv2
 import numpy as np
 from p4pfr_ros.boards import Board
 from p4pfr_ros.detection import Detection
-from p4pfr_ros.drawing import annotate, straighten
-from p4pfr_ros.image_files import write_image
+from p4pfr_ros.files.images import write_image
+from p4pfr_ros.report.drawing import annotate, straighten
 
 from .views import View
 

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What was seen, estimated and true at one moment, and how far apart they are."""
 
@@ -23,14 +12,14 @@ import numpy as np
 from p4pfr_ros import DivisionCamera, Pose, Solution
 from p4pfr_ros.core.geometry import rotation_angle_rad
 
-from ..conversions import Correspondences, Picture
+from ..conversions import Correspondences, ImageArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
     """Everything of one stamp; ``latency_s`` from the picture's stamp to the pose's arrival."""
 
-    picture: Picture
+    picture: ImageArray
     points: Correspondences
     estimate: Solution
     true_pose: Pose

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The parameters of pose_node and of lifecycle_pose_node, which are the same."""
 
@@ -19,13 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 import re
 
-from p4pfr_ros.files import ConfigError
+from p4pfr_ros.files.boards import ConfigError
 
 from .calibration_options import SelfCalibrationOptions
-from .conversions import CORNER_ORDERS, LARGEST_IMAGE_PX
+from .declare import parameter
 from .intrinsics_options import IntrinsicsOptions
-from .parameters import parameter
 from .robust_options import RobustOptions
+from ..conversions import CORNER_ORDERS, LARGEST_IMAGE_PX
 
 
 @dataclass(frozen=True, slots=True)

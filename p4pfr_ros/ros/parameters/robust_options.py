@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The parameters ``robust.*``: the search's options, and what is known of the camera."""
 
@@ -18,12 +7,12 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
-from p4pfr_ros import RansacOptions
-from p4pfr_ros.files import ConfigError
+from p4pfr_ros import EstimateOptions
+from p4pfr_ros.files.boards import ConfigError
 
-from .parameters import parameter
+from .declare import parameter
 
-_RANSAC = RansacOptions()
+_RANSAC = EstimateOptions()
 _UNKNOWN_IS_0 = ('sigma_px', 'prior_focal_px', 'prior_focal_sigma_px', 'prior_k_sigma')
 
 
@@ -123,7 +112,7 @@ class RobustOptions:
         except ValueError as error:  # two that do not go together
             raise ConfigError(f'robust.{error}') from None
 
-    def ransac(self) -> RansacOptions:
+    def ransac(self) -> EstimateOptions:
         """Return what the solver takes: all of these by the same names, None for unknown."""
         given = asdict(self)
-        return RansacOptions(**given | {name: given[name] or None for name in _UNKNOWN_IS_0})
+        return EstimateOptions(**given | {name: given[name] or None for name in _UNKNOWN_IS_0})

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """From what was seen in a picture to what is published of it, and to what is said of it."""
 
@@ -23,15 +12,15 @@ from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
 from .calibration_keeper import CalibrationKeeper
+from .camera_source import Answer, Intrinsics, View
 from .inputs import Found
-from .intrinsics import Answer, Intrinsics, View
-from .intrinsics_options import SELF_CALIBRATE
 from .pictures import outside, Pictures
-from .pose_options import PoseNodeOptions
 from .publishing import Publishing
-from .rejections import Rejected
 from .reports import Reports
 from .seen_board import SeenBoard
+from ..parameters.intrinsics_options import SELF_CALIBRATE
+from ..parameters.pose_options import PoseNodeOptions
+from ..runtime.rejections import Rejected
 
 
 class Answering:

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Loads the calibration, watches it grow, saves it, and passes it on when it is good."""
 
@@ -21,17 +10,17 @@ import math
 import time
 
 from p4pfr_ros import CalibrationState, CameraEstimate
-from p4pfr_ros.calibration_file import Calibration, load_calibration, save_calibration
-from p4pfr_ros.files import ConfigError
-from p4pfr_ros.plus_minus import plus_minus
+from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
+from p4pfr_ros.report.plus_minus import plus_minus
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
 from .calibration_path import calibration_path
-from .conversions import camera_info_from_model_msg, ImageFrame
-from .pose_options import PoseNodeOptions
-from .rejections import Rejected
 from .self_calibrating import SelfCalibrating
+from ..conversions import camera_info_from_model_msg, ImageFrame
+from ..parameters.pose_options import PoseNodeOptions
+from ..runtime.rejections import Rejected
 
 # After which a calibration that could not be saved is tried again.
 _AGAIN_S = 60.0

@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """
 From a view to its answer, by each of the modes: how the camera comes to be known.
@@ -28,19 +17,18 @@ from p4pfr_ros import (
     CalibrationOptions,
     DivisionCamera,
     estimate_pose,
+    EstimateOptions,
     PoseEstimate,
-    RansacOptions,
 )
-from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.known_lens import estimate_pose_by_model
 
-from .calibration_options import SelfCalibrationOptions
-from .intrinsics_options import CAMERA_INFO, FIXED, PER_FRAME, SELF_CALIBRATE
-from .pose_options import PoseNodeOptions
-from .rejections import Rejected
-from .robust_options import RobustOptions
 from .self_calibrating import Known, News, SelfCalibrating
+from ..parameters.calibration_options import SelfCalibrationOptions
+from ..parameters.intrinsics_options import CAMERA_INFO, FIXED, PER_FRAME, SELF_CALIBRATE
+from ..parameters.pose_options import PoseNodeOptions
+from ..parameters.robust_options import RobustOptions
+from ..runtime.rejections import Rejected
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,7 +148,7 @@ class Intrinsics:
 
 # Both stay the same from view to view, mostly.
 @functools.lru_cache(maxsize=4)
-def _search(options: RobustOptions) -> RansacOptions:
+def _search(options: RobustOptions) -> EstimateOptions:
     return options.ransac()
 
 
@@ -169,7 +157,5 @@ def _calibration(options: SelfCalibrationOptions) -> CalibrationOptions:
     return options.core()
 
 
-def _pose_by(camera: Known, view: View, options: RansacOptions) -> PoseEstimate:
-    if isinstance(camera, CameraInfoModel):
-        return estimate_pose_by_model(view.image_points, view.board_points, camera, options)
+def _pose_by(camera: Known, view: View, options: EstimateOptions) -> PoseEstimate:
     return estimate_pose(view.image_points, view.board_points, camera=camera, options=options)

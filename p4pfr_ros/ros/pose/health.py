@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What /diagnostics says of pose_node: how it is, why, and its numbers. No ROS in here."""
 
@@ -22,11 +11,11 @@ import enum
 import math
 
 from p4pfr_ros import PoseEstimate
-from p4pfr_ros.core.camera_estimate import CameraEstimate
+from p4pfr_ros.core.many_views.camera_estimate import CameraEstimate
 
 from .health_values import camera_values, number, UNKNOWN, view_values
 from .latencies import Latencies
-from .rejections import Rejected
+from ..runtime.rejections import Rejected
 
 STALE_AFTER_S = 3.0
 PERIOD_S = 1.0
@@ -60,7 +49,7 @@ class Level(enum.IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Status:
+class HealthStatus:
     """One state of the node: its level, the reasons in a line, and numbers as text by name."""
 
     level: Level
@@ -175,7 +164,7 @@ class Health:
         is_soon = now_s - self._published_s < _SOONEST_S
         return not is_soon and self._judge(now_s)[:2] != self._published
 
-    def status(self, now_s: float) -> Status:
+    def status(self, now_s: float) -> HealthStatus:
         """Return the state, which counts as published now."""
         level, keys, texts = self._judge(now_s)
         self._published_s, self._published = now_s, (level, keys)
@@ -184,7 +173,7 @@ class Health:
         if self._is_time(now_s):
             is_on_time = now_s - self._next_s <= _EARLY_S
             self._next_s = PERIOD_S + (self._next_s if is_on_time else now_s)
-        return Status(level, '; '.join(texts), self._values(now_s))
+        return HealthStatus(level, '; '.join(texts), self._values(now_s))
 
     def _is_time(self, now_s: float) -> bool:
         return now_s >= self._next_s - _EARLY_S

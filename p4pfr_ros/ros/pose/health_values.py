@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Numbers of a camera and of a view as /diagnostics lists them: always the same names."""
 
@@ -20,7 +9,7 @@ import math
 
 import numpy as np
 from p4pfr_ros import DivisionCamera, PoseEstimate
-from p4pfr_ros.core.camera_estimate import CameraEstimate
+from p4pfr_ros.core.many_views.camera_estimate import CameraEstimate
 
 UNKNOWN = 'unknown'
 
@@ -75,7 +64,7 @@ def view_values(estimate: PoseEstimate | None) -> dict[str, str]:
         'inlier_ratio': number(float(np.mean(estimate.inliers)), 3),
         'rms_px': number(estimate.rms_px, 3),
         'alternatives': str(len(estimate.alternatives)),
-        'stop': estimate.stop.value,
+        'stop': estimate.status.value,
     }
 
 

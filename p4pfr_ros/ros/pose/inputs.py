@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The topics that tell pose_node where a camera sees boards."""
 
@@ -23,18 +12,18 @@ from geometry_msgs.msg import PolygonStamped
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from .conversions import (
+from .targets import MARKER, Target, Targets
+from ..conversions import (
     Correspondences,
     correspondences_from_cloud,
     correspondences_from_detections,
     correspondences_from_polygon,
     detection_array_type,
 )
-from .endpoints import Endpoints
-from .parameters import Parameters
-from .pose_options import PoseNodeOptions
-from .rejections import Rejected
-from .targets import MARKER, Target, Targets
+from ..parameters.declare import Parameters
+from ..parameters.pose_options import PoseNodeOptions
+from ..runtime.endpoints import Endpoints
+from ..runtime.rejections import Rejected
 
 # A target and where it was seen, or why a message does not say that.
 Found = tuple[Target, Correspondences] | Rejected

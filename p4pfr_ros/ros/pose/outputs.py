@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What pose_node publishes of its answers: poses for each board, and the camera."""
 
@@ -19,11 +8,12 @@ from __future__ import annotations
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseArray, PoseStamped, PoseWithCovarianceStamped
 from p4pfr_ros import PoseEstimate
-from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
-from .conversions import (
+from .self_calibrating import Known
+from ..conversions import (
     camera_info_division_msg,
     camera_info_from_model_msg,
     camera_info_msg,
@@ -32,8 +22,7 @@ from .conversions import (
     pose_msg,
     pose_with_covariance_msg,
 )
-from .endpoints import Endpoints, is_awaited, is_heard
-from .self_calibrating import Known
+from ..runtime.endpoints import Endpoints, is_awaited, is_heard
 
 
 class PoseOutputs:

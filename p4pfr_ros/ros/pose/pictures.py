@@ -1,30 +1,19 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What ``camera_info`` has told of the pictures: their size, and the calibration that it holds."""
 
 from __future__ import annotations
 
 import numpy as np
-from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.geometry import Array
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
-from .conversions import image_frame_from_msg, ImageFrame, model_from_msg
-from .pose_options import ImageOptions
-from .rejections import Rejected
+from ..conversions import image_frame_from_msg, ImageFrame, model_from_msg
+from ..parameters.pose_options import ImageOptions
+from ..runtime.rejections import Rejected
 
 _NO_SIZE = Rejected(
     'no_image_size',

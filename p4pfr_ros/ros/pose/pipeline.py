@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """What pose_node does, for any kind of node: corners of markers and boards in, poses out."""
 
@@ -18,24 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from p4pfr_ros.files import ConfigError
+from p4pfr_ros.files.boards import ConfigError
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 
 from .answering import Answering
 from .calibration_keeper import CalibrationKeeper
-from .endpoints import Endpoints
 from .health import PERIOD_S
 from .inputs import Found, Inputs
-from .intrinsics_options import FIXED
-from .parameters import Parameters
-from .pose_options import PoseNodeOptions
 from .publishing import Publishing
 from .reports import Reports
 from .services import CameraInfoSetter, Services
 from .targets import Targets
-from .warm_up import warm_up
+from ..parameters.declare import Parameters
+from ..parameters.intrinsics_options import FIXED
+from ..parameters.pose_options import PoseNodeOptions
+from ..runtime.endpoints import Endpoints
+from ..runtime.warm_up import warm_up
 
 
 class PoseWork:
@@ -95,7 +84,7 @@ class PoseWork:
         self._passing.close()
 
     def close(self) -> None:
-        """Stop, and take everything down."""
+        """Status, and take everything down."""
         self._passing.close()
         self._lasting.close()
         self._config.guard(None)

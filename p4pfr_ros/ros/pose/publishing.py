@@ -1,33 +1,22 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Where pose_node's answers go: poses, camera, markers and /tf."""
 
 from __future__ import annotations
 
 from p4pfr_ros import PoseEstimate
-from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from rclpy.node import Node
 
-from .endpoints import Endpoints
-from .intrinsics_options import PER_FRAME
 from .outputs import CameraOutputs, PoseOutputs
-from .pose_options import PoseNodeOptions
 from .scene import Scene
 from .seen_board import SeenBoard
 from .self_calibrating import Known
 from .targets import Target, Targets
+from ..parameters.intrinsics_options import PER_FRAME
+from ..parameters.pose_options import PoseNodeOptions
+from ..runtime.endpoints import Endpoints
 
 
 class Publishing:

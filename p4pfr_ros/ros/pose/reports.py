@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """Tells people what becomes of pose_node's messages: in the log, and on /diagnostics."""
 
@@ -20,14 +9,14 @@ import time
 
 from diagnostic_msgs.msg import DiagnosticArray
 from p4pfr_ros import PoseEstimate
-from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from rclpy.node import Node
 
-from .conversions.diagnostics import diagnostics_msg
-from .endpoints import Endpoints
 from .health import Health
-from .rejections import Rejected, Rejections
 from .self_calibrating import SelfCalibrating
+from ..conversions.diagnostics import diagnostics_msg
+from ..runtime.endpoints import Endpoints
+from ..runtime.rejections import Rejected, Rejections
 
 
 class Reports:
@@ -71,7 +60,7 @@ class Reports:
     def answered(self, stamp_ns: int, estimate: PoseEstimate, received_s: float) -> None:
         """Take note of an answer that has been published, or of why there is none."""
         if estimate.model is None:
-            self.reject(Rejected(estimate.stop.name.lower(), estimate.stop.value))
+            self.reject(Rejected(estimate.status.name.lower(), estimate.status.value))
             return
         now_s = time.monotonic()
         age_s = 1e-9 * (self._node.get_clock().now().nanoseconds - stamp_ns)

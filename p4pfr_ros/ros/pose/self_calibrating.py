@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The camera that is found while the robot works: made for a size, started over, kept."""
 
@@ -24,16 +13,16 @@ from p4pfr_ros import (
     CalibrationState,
     CameraEstimate,
     DivisionCamera,
+    EstimateOptions,
     PoseEstimate,
-    RansacOptions,
     SelfCalibration,
     Verdict,
 )
-from p4pfr_ros.calibration_file import Calibration
-from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.files.calibration import Calibration
 
-from .rejections import Rejected
+from ..runtime.rejections import Rejected
 
 Known = DivisionCamera | CameraInfoModel
 
@@ -83,7 +72,7 @@ class SelfCalibrating:
     def __init__(self, loaded: Calibration | None = None) -> None:
         self._loaded = loaded
         self._calibration: SelfCalibration | None = None
-        self._settings: tuple[RansacOptions, CalibrationOptions] | None = None
+        self._settings: tuple[EstimateOptions, CalibrationOptions] | None = None
         self._known_by_size: dict[tuple[int, int], CameraEstimate] = {}
         if loaded is not None and loaded.estimate is not None:
             self._known_by_size[loaded.image_size] = loaded.estimate
@@ -111,7 +100,7 @@ class SelfCalibrating:
         return None if self._calibration is None else self._calibration.image_size
 
     def make_ready(
-        self, image_size: tuple[int, int], robust: RansacOptions, options: CalibrationOptions
+        self, image_size: tuple[int, int], robust: EstimateOptions, options: CalibrationOptions
     ) -> News:
         """Be ready for a view in a picture of a size; say whether that is another camera's."""
         before, settings = self._calibration, (robust, options)
@@ -134,17 +123,9 @@ class SelfCalibrating:
         """Answer a view; the call that is returned learns from it. ``make_ready`` comes first."""
         calibration = self._calibration
         assert calibration is not None
-        sighting = calibration.look(image_points, board_points, stamp_ns)
-
-        def learn() -> News:
-            calibration.learn(sighting)
-            return self._news(calibration)
-
-        early = calibration.early_answer(sighting)
-        if early is not None:
-            return early, learn
-        news = learn()
-        return calibration.answer(sighting), lambda: news
+        estimate = calibration.update(image_points, board_points, stamp_ns)
+        news = self._news(calibration)
+        return estimate, lambda: news
 
     def known_camera(self, image_size: tuple[int, int]) -> Known | Rejected:
         """Return the camera as it is known now, for who does not want it to change."""
@@ -165,13 +146,13 @@ class SelfCalibrating:
             self._calibration.reset()
 
     def _begin(
-        self, image_size: tuple[int, int], settings: tuple[RansacOptions, CalibrationOptions]
+        self, image_size: tuple[int, int], settings: tuple[EstimateOptions, CalibrationOptions]
     ) -> None:
         self._settings = robust, options = settings
         self._calibration = SelfCalibration(image_size, options=options, robust=robust)
         known = self._known_by_size.get(image_size)
         if known is not None:
-            self._calibration.adopt(known)
+            self._calibration.load(known)
 
     def _remember(self, image_size: tuple[int, int], estimate: CameraEstimate) -> None:
         self._known_by_size.pop(image_size, None)

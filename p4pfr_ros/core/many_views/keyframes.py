@@ -1,16 +1,5 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The views of a joint fit, for people: where the board was, and by how much each point misses."""
 
@@ -20,14 +9,14 @@ import math
 
 import numpy as np
 
-from .calibration_terms import KeptView
-from .calibration_view import CalibrationView, camera_of
-from .camera import DivisionCamera
-from .geometry import Array
 from .joint_fit import JointFit
+from .results import Keyframe
+from ..cameras.division import DivisionCamera
+from ..geometry import Array
+from ..model.calibration_view import CalibrationView, camera_of
 
 
-def kept_views(fit: JointFit) -> tuple[KeptView, ...]:
+def keyframes(fit: JointFit) -> tuple[Keyframe, ...]:
     """Describe the views of a fit."""
     camera = camera_of(fit.lens, fit.views[0].scaled.center_px) if fit.views else None
     return tuple(
@@ -37,13 +26,13 @@ def kept_views(fit: JointFit) -> tuple[KeptView, ...]:
     )
 
 
-def _kept(view: CalibrationView, row: Array, camera: DivisionCamera, limit: float) -> KeptView:
+def _kept(view: CalibrationView, row: Array, camera: DivisionCamera, limit: float) -> Keyframe:
     pose = view.pose_from_row(row)
     points = np.pad(view.board_points, ((0, 0), (0, 1)))
     residuals_px = camera.project(pose.transform(points)) - view.image_points
     squares = np.sum(residuals_px**2, axis=1)
     inliers = squares < limit
-    return KeptView(
+    return Keyframe(
         image_points=view.image_points,
         board_points=view.board_points,
         camera_from_board=pose,

@@ -1,24 +1,12 @@
 # Copyright 2026 p4pfr_ros maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-License-Identifier: Apache-2.0
 
 """The pose by a camera that somebody else has calibrated."""
 
 import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, Pose, RansacOptions, Stop
-from p4pfr_ros.core.camera_info_model import CameraInfoModel
+from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose, Status
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.geometry import rotation_angle_rad
-from p4pfr_ros.known_lens import estimate_pose_by_model, undistorted_rays
 import pytest
 
 SIZE = (1280, 960)
@@ -60,7 +48,7 @@ def test_without_noise_the_pose_is_exact(model):
     rng = np.random.default_rng(1)
     for _ in range(5):
         pose, board, image = drawn_view(rng, model)
-        estimate = estimate_pose_by_model(image, board, model)
+        estimate = estimate_pose(image, board, camera=model)
         found = estimate.model.camera_from_board
         assert rotation_angle_rad(found.rotation, pose.rotation) < 1e-9
         np.testing.assert_allclose(found.translation, pose.translation, atol=1e-9)
@@ -72,12 +60,15 @@ def test_without_noise_the_pose_is_exact(model):
 def test_errors_and_covariance_are_in_raw_pixels(model):
     """Noise of 0.5 px is measured as such, and the covariance holds the errors."""
     rng = np.random.default_rng(2)
+    options = EstimateOptions(threshold_px=3.0)
     n = 60
     squares, rms_px = [], []
     for _ in range(n):
         pose, board, image = drawn_view(rng, model)
         noisy = image + rng.normal(0.0, 0.5, image.shape)
-        estimate = estimate_pose_by_model(noisy, board, model, RansacOptions(threshold_px=3.0))
+        estimate = estimate_pose(
+            noisy, board, camera=model, options=EstimateOptions(threshold_px=3.0)
+        )
         error = estimate.model.camera_from_board.translation - pose.translation
         squares.append(error @ np.linalg.solve(estimate.covariance[:3, :3], error))
         rms_px.append(estimate.rms_px)
@@ -93,7 +84,7 @@ def test_for_a_division_camera_it_is_the_same_as_the_camera_itself():
     _, board, image = drawn_view(rng, model)
     image += rng.normal(0.0, 0.5, image.shape)
     image[:5] += 40.0
-    by_model = estimate_pose_by_model(image, board, model)
+    by_model = estimate_pose(image, board, camera=model)
     by_camera = estimate_pose(image, board, camera=camera)
     found, expected = by_model.model.camera_from_board, by_camera.model.camera_from_board
     assert rotation_angle_rad(found.rotation, expected.rotation) < 1e-6
@@ -108,22 +99,14 @@ def test_a_pixel_that_the_model_has_no_ray_for_is_an_outlier():
     model = CameraInfoModel('plumb_bob', (-1 / 3, 0, 0, 0), (900.0, 900.0), CENTER, 0.0, SIZE)
     _, board, image = drawn_view(np.random.default_rng(4), model)
     image[7] = CENTER[0] + 620.0, CENTER[1]
-    estimate = estimate_pose_by_model(image, board, model)
+    estimate = estimate_pose(image, board, camera=model)
     assert estimate.inliers.sum() == 39
     assert not estimate.inliers[7]
     blind = np.tile([CENTER[0] + 620.0, CENTER[1]], (40, 1))
-    nothing = estimate_pose_by_model(blind, board, model)
+    nothing = estimate_pose(blind, board, camera=model)
     assert nothing.model is None
-    assert nothing.stop is Stop.NO_SOLUTION
+    assert nothing.status is Status.NO_SOLUTION
     assert nothing.inliers.shape == (40,)
-
-
-def test_undistorted_rays_point_ahead_or_are_nan():
-    model = CameraInfoModel('equidistant', (0, 0, 0, 0), (400.0, 400.0), CENTER, 0.0, SIZE)
-    quarter = 400.0 * np.pi / 4
-    found = undistorted_rays(model, [CENTER, (CENTER[0] + quarter, CENTER[1]), (1279.0, 470.0)])
-    np.testing.assert_allclose(found[:2], [[0.0, 0.0], [1.0, 0.0]], atol=1e-12)
-    assert np.isnan(found[2]).all()
 
 
 @pytest.mark.parametrize(
@@ -137,4 +120,4 @@ def test_undistorted_rays_point_ahead_or_are_nan():
 )
 def test_bad_input_is_refused(image, board, complaint):
     with pytest.raises(ValueError, match=complaint):
-        estimate_pose_by_model(image, board, PLUMB_BOB)
+        estimate_pose(image, board, camera=PLUMB_BOB)
