@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from p4pfr_ros.core.geometry import Array, Mask
 from p4pfr_ros.core.jit import jit
 from p4pfr_ros.core.minimal.cone import board_weights
-from p4pfr_ros.core.minimal.normalise import board_duals, scale_image
+from p4pfr_ros.core.minimal.pose import board_duals, scale_image
 from p4pfr_ros.core.minimal.sextic import coefficients, factors
 from p4pfr_ros.core.minimal.solver import Workspace, workspace
 

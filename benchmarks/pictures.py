@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 import numpy as np
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.core.minimal.cone import board_weights, depth_cone
-from p4pfr_ros.core.minimal.normalise import board_duals, scale_image
+from p4pfr_ros.core.minimal.pose import board_duals, scale_image
 from p4pfr_ros.core.minimal.sextic import coefficients, evaluate, Factors, factors
 from p4pfr_ros.core.minimal.solver import workspace
 from p4pfr_ros.report.figure_style import STYLE

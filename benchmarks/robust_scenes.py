@@ -14,8 +14,7 @@ from p4pfr_ros import estimate_pose, Pose, PoseEstimate, Solution
 from p4pfr_ros.core.geometry import Array, rotation_angle_rad
 from p4pfr_ros.core.minimal.solution import G, H, ROW_SIZE, solution_from_row, TRANSLATION
 from p4pfr_ros.core.one_view.free_camera import Gates
-from p4pfr_ros.core.one_view.least_squares import least_squares_room, minimise
-from p4pfr_ros.core.one_view.problem import free_problem
+from p4pfr_ros.core.one_view.least_squares import free_problem, least_squares_work, minimise
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import View, view
 
@@ -95,7 +94,7 @@ def from_the_truth(drawn: View) -> Solution:
     row[TRANSLATION:G] = drawn.camera_from_board.translation
     row[G], row[H] = drawn.camera.focal_px, drawn.camera.k / drawn.camera.focal_px
     problem = free_problem(image, board, _ANY_CAMERA)
-    minimise(row, problem, math.inf, _STEPS, _TOLERANCE, least_squares_room())
+    minimise(row, problem, math.inf, _STEPS, _TOLERANCE, least_squares_work())
     return solution_from_row(row, drawn.camera.center_px)
 
 

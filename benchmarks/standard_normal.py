@@ -16,8 +16,7 @@ import numpy as np
 from p4pfr_ros.core.geometry import Array, Ints
 from p4pfr_ros.core.jit import jit
 from p4pfr_ros.core.minimal.cone import board_weights, depth_cone
-from p4pfr_ros.core.minimal.normalise import board_duals, scale_image
-from p4pfr_ros.core.minimal.pose import pose_from_root
+from p4pfr_ros.core.minimal.pose import board_duals, pose_from_root, scale_image
 from p4pfr_ros.core.minimal.roots import feasible_roots, MAX_ROOTS
 from p4pfr_ros.core.minimal.sextic import factors
 from p4pfr_ros.core.minimal.solution import ROW_SIZE

@@ -16,14 +16,18 @@ from typing import Any, TYPE_CHECKING
 from .core.cameras.camera_info import CameraInfoModel
 from .core.cameras.division import DivisionCamera
 from .core.geometry import Pose
-from .core.many_views.camera_estimate import CameraEstimate
-from .core.many_views.results import CalibrationOptions, CalibrationState, Keyframe, Verdict
+from .core.many_views.results import (
+    CalibrationOptions,
+    CalibrationState,
+    CameraEstimate,
+    Keyframe,
+    Verdict,
+)
 from .core.many_views.self_calibration import SelfCalibration
 from .core.minimal.solution import Solution
 from .core.minimal.solver import SolutionBatch, solve_p4pfr, solve_p4pfr_batch
 from .core.one_view.estimate_pose import estimate_pose
-from .core.one_view.observability import Observability
-from .core.one_view.results import EstimateOptions, PoseEstimate, Status
+from .core.one_view.results import EstimateOptions, Observability, PoseEstimate, Status
 
 if TYPE_CHECKING:
     from .detection import detect

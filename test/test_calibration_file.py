@@ -12,7 +12,7 @@ import time
 import numpy as np
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
-from p4pfr_ros.core.many_views.camera_estimate import CameraEstimate
+from p4pfr_ros.core.many_views.results import CameraEstimate
 from p4pfr_ros.files.boards import ConfigError
 from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
 from p4pfr_ros.files.writing import write_atomically

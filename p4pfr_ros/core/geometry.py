@@ -1,13 +1,17 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rigid poses. A name says the frames: ``target_from_source``."""
+"""
+Rigid poses, and the arrays that all rooms share.
+
+A pose's name states its frames, ``target_from_source``, so that composition is checked by eye.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 import math
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,12 +19,18 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Ints = NDArray[np.int64]
+ArrayType = TypeVar('ArrayType', bound='NDArray[Any]')
 
 # How far a rotation may be from RᵀR = I and still pass: what single precision leaves behind.
 _ORTHOGONALITY = 1e-6
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+# A pose as a row of numbers in the kernels: the rotation row by row, then the translation.
+TRANSLATION = 9
+POSE_SIZE = 12
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Pose:
     """
     A rigid motion ``target_from_source``: p_target = rotation @ p_source + translation.
@@ -28,14 +38,14 @@ class Pose:
     Parameters
     ----------
     rotation : (3, 3) array
-        A rotation matrix: RᵀR = I and det R = 1.
+        A rotation matrix: RᵀR = I and det R = 1. Read-only.
     translation : (3,) array
-        The source frame's origin in the target frame, metres.
+        The source frame's origin in the target frame, metres. Read-only.
 
     Raises
     ------
     ValueError
-        A wrong shape, a number that is not finite, or a matrix that is no rotation.
+        A wrong shape, a number that is not finite, or a matrix that is not a rotation.
 
     """
 
@@ -48,25 +58,39 @@ class Pose:
         away = np.abs(rotation.T @ rotation - np.eye(3)).max()
         if not away < _ORTHOGONALITY or np.linalg.det(rotation) < 0.0:
             raise ValueError(f'rotation must be a rotation matrix, got {rotation.tolist()}')
-        object.__setattr__(self, 'rotation', rotation)
-        object.__setattr__(self, 'translation', translation)
+        # A copy: the caller's array stays writeable, and cannot change the pose.
+        object.__setattr__(self, 'rotation', read_only(rotation.copy()))
+        object.__setattr__(self, 'translation', read_only(translation.copy()))
 
     @classmethod
     def unchecked(cls, rotation: Array, translation: Array) -> Pose:
-        """Make a pose of what is known to be one: a kernel's answer. Ten times as fast."""
+        """Make a pose of a kernel's arrays, which become read-only; ten times faster."""
         pose = object.__new__(cls)
-        object.__setattr__(pose, 'rotation', rotation)
-        object.__setattr__(pose, 'translation', translation)
+        object.__setattr__(pose, 'rotation', read_only(rotation))
+        object.__setattr__(pose, 'translation', read_only(translation))
         return pose
+
+    def __eq__(self, other: object) -> bool:
+        return fields_equal(self, other)
+
+    def __hash__(self) -> int:
+        return hash((*self.rotation.ravel().tolist(), *self.translation.tolist()))
+
+    def __repr__(self) -> str:
+        rotation_deg = np.degrees(self.rotation_vector)
+        return (
+            f'Pose(translation=[{_numbers(self.translation)}], '
+            f'rotation_vector_deg=[{_numbers(rotation_deg)}])'
+        )
 
     @classmethod
     def identity(cls) -> Pose:
-        """Return the pose that moves nothing."""
+        """Return the identity."""
         return cls(np.eye(3), np.zeros(3))
 
     @classmethod
     def from_rotation_vector(cls, rotation_rad: ArrayLike, translation: ArrayLike) -> Pose:
-        """Make a pose from an axis times an angle (radians) and a translation (metres)."""
+        """Make a pose of a rotation vector (axis times angle, radians) and a translation."""
         return cls(rotation_from_vector(rotation_rad), np.asarray(translation, dtype=np.float64))
 
     @classmethod
@@ -97,9 +121,42 @@ class Pose:
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 
     def transform(self, points: ArrayLike) -> Array:
-        """Take (..., 3) points of the source frame to the target frame."""
+        """Transform points (..., 3) from the source frame to the target frame."""
         moved: Array = np.asarray(points, dtype=np.float64) @ self.rotation.T + self.translation
         return moved
+
+    @property
+    def matrix(self) -> Array:
+        """The homogeneous (4, 4) matrix."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = self.rotation, self.translation
+        return matrix
+
+    @property
+    def rotation_vector(self) -> Array:
+        """The rotation as axis times angle (3,), radians, the angle from 0 to π."""
+        q = self.quaternion_xyzw()
+        sine = float(np.linalg.norm(q[:3]))
+        # For small angles the vector is 2 q; the quotient below is 0 / 0 there.
+        scale = 2.0 * math.atan2(sine, q[3]) / sine if sine > 0.0 else 2.0
+        vector: Array = scale * q[:3]
+        return vector
+
+    @property
+    def distance(self) -> float:
+        """The distance between the origins of the two frames, in the unit of the translation."""
+        return float(np.linalg.norm(self.translation))
+
+    @property
+    def tilt_deg(self) -> float:
+        """
+        The angle between the source's z axis and the direction against the target's z axis.
+
+        For ``camera_from_board``: 0 if the board is parallel to the image and faces the camera, 90
+        if it is seen edge-on, 180 if it is seen from behind.
+        """
+        x, y, z = self.rotation[:, 2].tolist()
+        return math.degrees(math.atan2(math.hypot(x, y), -z))
 
     def quaternion_xyzw(self) -> Array:
         """Return the (4,) unit quaternion in ROS order, w ≥ 0."""
@@ -119,7 +176,7 @@ class Pose:
 
 
 def rotation_from_vector(rotation_rad: ArrayLike) -> Array:
-    """Turn an axis times an angle (radians) into a (3, 3) rotation: Rodrigues' formula."""
+    """Return the (3, 3) rotation of a rotation vector, axis times angle in radians (Rodrigues)."""
     v = as_points(rotation_rad, 'rotation_rad', (3,))
     angle = float(np.linalg.norm(v))
     cross = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
@@ -137,6 +194,61 @@ def rotation_angle_rad(a: ArrayLike, b: ArrayLike) -> float:
     return 2.0 * float(np.arcsin(min(1.0, chord / (2.0 * np.sqrt(2.0)))))
 
 
+def read_only(array: ArrayType) -> ArrayType:
+    """Make an array read-only, in place, and return it."""
+    array.flags.writeable = False
+    return array
+
+
+def fields_equal(a: Any, b: Any) -> bool:
+    """Compare two dataclasses, arrays among their fields by value; NaN equals NaN."""
+    return type(a) is type(b) and all(
+        _same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a)
+    )
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray):
+        return bool(np.array_equal(a, b, equal_nan=a.dtype.kind == 'f'))
+    return bool(a == b or (isinstance(a, float) and math.isnan(a) and b != b))
+
+
+def _numbers(values: Array) -> str:
+    return ', '.join(f'{value:.4g}' for value in values.tolist())
+
+
+def as_image_points(values: ArrayLike, name: str, n: int | None = None) -> Array:
+    """Return pixels as (n, 2) doubles; OpenCV's (n, 1, 2) is accepted too. See `as_points`."""
+    return as_points(_without_opencv_axis(values), name, (n, 2))
+
+
+def as_board_points(values: ArrayLike, name: str, n: int) -> Array:
+    """
+    Return points of the plane Z = 0 as (n, 2) doubles; OpenCV's (n, 3) and (n, 1, 3) too.
+
+    Raises
+    ------
+    ValueError
+        As `as_points` does; a point is not on the plane Z = 0.
+
+    """
+    points = _without_opencv_axis(values)
+    if isinstance(points, np.ndarray) and points.ndim == 2 and points.shape[1] == 3:
+        off_plane = np.abs(points[:, 2]) > 0.0
+        if off_plane.any():
+            z = points[off_plane, 2][0]
+            raise ValueError(f'{name} must lie on the plane Z = 0, got a point with Z = {z:g}')
+        points = points[:, :2]
+    return as_points(points, name, (n, 2))
+
+
+def _without_opencv_axis(values: ArrayLike) -> ArrayLike:
+    """Remove the middle axis of OpenCV's (N, 1, d)."""
+    if isinstance(values, np.ndarray) and values.ndim == 3 and values.shape[1] == 1:
+        return values[:, 0]
+    return values
+
+
 def as_points(values: ArrayLike, name: str, shape: tuple[int | None, ...]) -> Array:
     """
     Return the values as finite, contiguous doubles of a shape (None: any length).
@@ -144,7 +256,7 @@ def as_points(values: ArrayLike, name: str, shape: tuple[int | None, ...]) -> Ar
     Raises
     ------
     ValueError
-        Names the argument, what was expected and what came.
+        Names the argument, the expected shape and the given one.
 
     """
     try:
@@ -153,7 +265,7 @@ def as_points(values: ArrayLike, name: str, shape: tuple[int | None, ...]) -> Ar
         raise ValueError(f'{name} must be numbers of shape {_text(shape)}: {error}') from None
     if array.shape != shape and not _fits(array.shape, shape):
         raise ValueError(f'{name} must have shape {_text(shape)}, got {_text(array.shape)}')
-    # A sum of squares is not finite where a number is not, or where one is huge: then look again.
+    # The sum of squares is not finite if a number is not, or if one is huge: then check each.
     if not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
         raise ValueError(f'{name} must be finite, got {_first_bad(array)}')
     return array

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel, COEFFICIENTS
 from p4pfr_ros.core.cameras.division import DivisionCamera
-from p4pfr_ros.core.many_views.camera_estimate import CameraEstimate
+from p4pfr_ros.core.many_views.results import CameraEstimate
 from p4pfr_ros.files.boards import ConfigError, read_yaml
 from p4pfr_ros.files.writing import write_atomically
 from p4pfr_ros.files.yaml_fields import Fields

@@ -11,11 +11,10 @@ import math
 import numpy as np
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array, Pose
-from p4pfr_ros.core.many_views.fit_views import fit_views
-from p4pfr_ros.core.model.calibration_view import CalibrationView, camera_of, lens_of
-from p4pfr_ros.core.model.lens import LENS_SIZE
-from p4pfr_ros.core.model.observation import prepare
-from p4pfr_ros.core.model.prior import Knowledge
+from p4pfr_ros.core.many_views.joint_fit import fit_views
+from p4pfr_ros.core.model.lens import camera_from_lens, lens_from_camera, LENS_SIZE
+from p4pfr_ros.core.model.observation import observe
+from p4pfr_ros.core.model.prior import LensPrior
 from p4pfr_ros.scenes.instances import IMAGE_SIZE, tilted
 from p4pfr_ros.scenes.single_view import View
 
@@ -84,14 +83,12 @@ def grid(columns: int, rows: int) -> Array:
 
 def fit_from_the_truth(views: Sequence[View]) -> DivisionCamera:
     """Return the best there is: full bundle adjustment from the truth, on the true inliers."""
-    held, rows = [], []
+    centered, rows = [], []
     for view in views:
-        image, board = view.image_points[~view.outlier], view.board_points[~view.outlier]
-        scaled = prepare(image, board, IMAGE_SIZE, _MIDDLE_PX, None)
-        held.append(CalibrationView(image, board, scaled, None))
-        rows.append(held[-1].row_from_pose(view.camera_from_board))
-    nothing = Knowledge.beforehand(np.zeros(LENS_SIZE), np.zeros((LENS_SIZE, LENS_SIZE)))
-    lens = lens_of(views[0].camera, _MIDDLE_PX)
-    return camera_of(
-        fit_views(held, np.array(rows), lens, 1, nothing, sigma_px=_NO_GATE_PX).lens, _MIDDLE_PX
-    )
+        observation = observe(view.image_points[~view.outlier], view.board_points[~view.outlier])
+        centered.append(observation.centered(_MIDDLE_PX, IMAGE_SIZE))
+        rows.append(observation.row_from_pose(view.camera_from_board))
+    no_prior = LensPrior.without_views(np.zeros(LENS_SIZE), np.zeros((LENS_SIZE, LENS_SIZE)))
+    lens = lens_from_camera(views[0].camera, _MIDDLE_PX)
+    fit = fit_views(centered, np.array(rows), lens, 1, no_prior, sigma_px=_NO_GATE_PX)
+    return camera_from_lens(fit.lens, _MIDDLE_PX)

@@ -6,7 +6,7 @@
 import numpy as np
 from p4pfr_ros import SelfCalibration
 from p4pfr_ros.core.jit import COMPILED
-from p4pfr_ros.core.model.calibration_view import lens_of
+from p4pfr_ros.core.model.lens import lens_from_camera
 from p4pfr_ros.scenes.camera_views import camera_view, drawn_camera, grid
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
@@ -48,4 +48,4 @@ def verdicts(calibration, views):
 
 def error(camera, truth):
     """Return the difference of two cameras' numbers (6,): focal_px, centre px, k, k2, k3."""
-    return lens_of(camera, MIDDLE_PX) - lens_of(truth, MIDDLE_PX)
+    return lens_from_camera(camera, MIDDLE_PX) - lens_from_camera(truth, MIDDLE_PX)

@@ -6,15 +6,17 @@
 import numpy as np
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.core.linalg import rotate
-from p4pfr_ros.core.many_views.bundle import Bundle, squared_errors, truncated_cost
 from p4pfr_ros.core.many_views.bundle_adjustment import (
     adjust,
-    adjust_room,
+    adjustment_work,
     fill_blocks,
     lens_equations,
-    LensPrior,
+    squared_errors,
+    StackedViews,
+    truncated_cost,
 )
 from p4pfr_ros.core.model.lens import COLUMNS, LENS_SIZE, linearise, RESIDUAL, squared_error
+from p4pfr_ros.core.model.prior import WeightedPrior
 from p4pfr_ros.scenes.camera_views import camera_view, grid
 import pytest
 
@@ -26,7 +28,7 @@ LENSES = {
     'three terms': [450.0, 20.0, -10.0, -0.33, -0.022, -0.003],
 }
 LIMIT = 1e6
-NOTHING = LensPrior(np.zeros(LENS_SIZE), np.zeros((LENS_SIZE, LENS_SIZE)))
+NO_PRIOR = WeightedPrior(np.zeros(LENS_SIZE), np.zeros((LENS_SIZE, LENS_SIZE)))
 
 over_lenses = pytest.mark.parametrize('lens', LENSES.values(), ids=list(LENSES))
 
@@ -43,7 +45,7 @@ def views(lens, count, noise_px=0.3, seed=3):
     image = np.concatenate([v.image_points for v in drawn]) - (639.5, 479.5)
     board = np.concatenate([v.board_points for v in drawn])
     starts = 24 * np.arange(count + 1)
-    return Bundle(image, board, starts), np.array(poses), np.array(lens)
+    return StackedViews(image, board, starts), np.array(poses), np.array(lens)
 
 
 def residual(pose, lens, point, pixel):
@@ -91,10 +93,10 @@ def test_the_error_is_the_distance_that_the_camera_says(lens):
 
 def test_the_lens_alone_moves_as_in_the_whole_system():
     bundle, poses, lens = views(LENSES['two terms'], 4)
-    room = adjust_room(4)
+    room = adjustment_work(4)
     lens = np.add(lens, (1.0, 0.5, -0.5, 0.001, 0.001, 0.0))
     assert fill_blocks(bundle, poses, lens, LIMIT, room) == 96
-    assert lens_equations(4, lens, NOTHING, 0.0, room)
+    assert lens_equations(4, lens, NO_PRIOR, 0.0, room)
     step = np.linalg.solve(room.reduced[:, :LENS_SIZE], room.reduced[:, LENS_SIZE])
     # The same by all 30 unknowns at once.
     whole, right = np.zeros((30, 30)), np.zeros(30)
@@ -111,15 +113,15 @@ def test_the_adjustment_finds_the_lens_again(order):
     bundle, poses, lens = views([500.0, 20.0, -10.0, *terms], 6, noise_px=0.0)
     start = np.add(lens, (20.0, -5.0, 5.0, 0.03, 0.0, 0.0))
     start[3 + order :] = 0.0
-    room = adjust_room(6)
-    cost = adjust(bundle, poses.copy(), start, order, NOTHING, LIMIT, 50, 1e-15, room)
+    room = adjustment_work(6)
+    cost = adjust(bundle, poses.copy(), start, order, NO_PRIOR, LIMIT, 50, 1e-15, room)
     assert cost < 1e-10
     np.testing.assert_allclose(start, lens, atol=1e-5)
 
 
 def test_nothing_is_lower_nearby():
     bundle, poses, lens = views(LENSES['barrel'], 6)
-    adjust(bundle, poses, lens, 1, NOTHING, LIMIT, 50, 1e-15, adjust_room(6))
+    adjust(bundle, poses, lens, 1, NO_PRIOR, LIMIT, 50, 1e-15, adjustment_work(6))
     best = truncated_cost(bundle, poses, lens, LIMIT, np.inf)
     rng = np.random.default_rng(0)
     for _ in range(20):
@@ -132,9 +134,9 @@ def test_nothing_is_lower_nearby():
 def test_an_outlier_does_not_pull():
     bundle, poses, lens = views(LENSES['barrel'], 6)
     without, with_it = lens.copy(), lens.copy()
-    adjust(bundle, poses.copy(), without, 1, NOTHING, 4.0, 50, 1e-15, adjust_room(6))
+    adjust(bundle, poses.copy(), without, 1, NO_PRIOR, 4.0, 50, 1e-15, adjustment_work(6))
     bundle.image[7] += 50.0
-    adjust(bundle, poses.copy(), with_it, 1, NOTHING, 4.0, 50, 1e-15, adjust_room(6))
+    adjust(bundle, poses.copy(), with_it, 1, NO_PRIOR, 4.0, 50, 1e-15, adjustment_work(6))
     assert np.abs(with_it - without).max() < 0.5
     squares = np.empty(len(bundle.image))
     squared_errors(bundle, poses, with_it, squares)
@@ -143,8 +145,8 @@ def test_an_outlier_does_not_pull():
 
 def test_a_prior_holds_what_the_views_do_not():
     bundle, poses, lens = views(LENSES['barrel'], 1)
-    tight = LensPrior(
+    tight = WeightedPrior(
         np.add(lens, (0.0, 3.0, 0.0, 0.0, 0.0, 0.0)), np.diag([0, 1e9, 0, 0, 0, 0.0])
     )
-    adjust(bundle, poses, lens, 1, tight, LIMIT, 50, 1e-12, adjust_room(1))
+    adjust(bundle, poses, lens, 1, tight, LIMIT, 50, 1e-12, adjustment_work(1))
     assert lens[1] == pytest.approx(23.0, abs=1e-3)

@@ -3,7 +3,7 @@
 
 import numpy as np
 from p4pfr_ros import DivisionCamera
-from p4pfr_ros.core.many_views.camera_estimate import CameraEstimate
+from p4pfr_ros.core.many_views.results import CameraEstimate
 import pytest
 
 CAMERA = DivisionCamera(600.0, (319.5, 239.5), -0.2)

@@ -66,9 +66,7 @@ def test_errors_and_covariance_are_in_raw_pixels(model):
     for _ in range(n):
         pose, board, image = drawn_view(rng, model)
         noisy = image + rng.normal(0.0, 0.5, image.shape)
-        estimate = estimate_pose(
-            noisy, board, camera=model, options=EstimateOptions(threshold_px=3.0)
-        )
+        estimate = estimate_pose(noisy, board, camera=model, options=options)
         error = estimate.model.camera_from_board.translation - pose.translation
         squares.append(error @ np.linalg.solve(estimate.covariance[:3, :3], error))
         rms_px.append(estimate.rms_px)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from laws import law
 import numpy as np
 from p4pfr_ros.core.minimal.cone import board_weights, depth_cone
-from p4pfr_ros.core.minimal.normalise import scale_image
+from p4pfr_ros.core.minimal.pose import scale_image
 import pytest
 
 SQUARE = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])

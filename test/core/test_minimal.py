@@ -142,7 +142,12 @@ def test_views_parallel_to_the_image_return_nothing_made_up(sample):
     ('image', 'board', 'complaint'),
     [
         (np.zeros((3, 2)), np.zeros((4, 2)), r'image_points must have shape \(4, 2\)'),
-        (np.zeros((4, 2)), np.zeros((4, 3)), r'board_points must have shape \(4, 2\)'),
+        (np.zeros((4, 2)), np.zeros((4, 4)), r'board_points must have shape \(4, 2\)'),
+        (
+            np.zeros((4, 2)),
+            np.ones((4, 3)),
+            'board_points must lie on the plane Z = 0, got a point with Z = 1',
+        ),
         (np.full((4, 2), np.nan), np.zeros((4, 2)), 'image_points must be finite'),
         (np.zeros((4, 2)), np.full((4, 2), np.inf), 'board_points must be finite'),
     ],

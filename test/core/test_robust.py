@@ -177,7 +177,12 @@ def test_nonsense_has_no_consensus():
         (np.zeros((5, 3)), np.zeros((5, 2)), {}, r'image_points must have shape \(N, 2\)'),
         (np.zeros((5, 2)), np.zeros((6, 2)), {}, r'board_points must have shape \(5, 2\)'),
         (np.full((5, 2), np.nan), np.zeros((5, 2)), {}, 'image_points must be finite'),
-        (np.eye(5)[:, :2], np.eye(5)[:, :2], {'image_size': None}, 'must say where the centre'),
+        (
+            np.eye(5)[:, :2],
+            np.eye(5)[:, :2],
+            {'image_size': None},
+            'must be given: they fix the centre',
+        ),
         (
             np.eye(5)[:, :2],
             np.eye(5)[:, :2],
@@ -200,12 +205,18 @@ def test_a_callers_mistake_is_named(image, board, known, complaint):
 @pytest.mark.parametrize(
     ('option', 'complaint'),
     [
-        ({'threshold_px': 0.0}, 'threshold_px must be between'),
-        ({'confidence': 1.0}, 'confidence must be between'),
-        ({'min_fov_deg': 90.0, 'max_fov_deg': 80.0}, 'max_fov_deg must be between 90'),
-        ({'min_iterations': 10, 'max_iterations': 5}, 'min_iterations must be at least 1'),
-        ({'min_inliers': 3}, 'min_inliers must be at least 4'),
-        ({'sigma_px': -1.0}, 'sigma_px must be at least 1e-06'),
+        ({'threshold_px': 0.0}, 'threshold_px must be from 0.01 to 1000, got 0.0'),
+        ({'confidence': 1.0}, 'confidence must be from 0.5'),
+        (
+            {'min_fov_deg': 90.0, 'max_fov_deg': 80.0},
+            'min_fov_deg must be at most max_fov_deg',
+        ),
+        (
+            {'min_iterations': 10, 'max_iterations': 5},
+            'must be at most max_iterations = 5, got 10',
+        ),
+        ({'min_inliers': 3}, 'min_inliers must be from 4'),
+        ({'sigma_px': -1.0}, 'sigma_px must be from 1e-06'),
     ],
 )
 def test_an_option_out_of_range_is_named(option, complaint):

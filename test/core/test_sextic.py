@@ -6,8 +6,7 @@
 from hypothesis import strategies as st
 from laws import law
 import numpy as np
-from p4pfr_ros.core.minimal.intervals import STACK_SHAPE
-from p4pfr_ros.core.minimal.roots import feasible_roots, MAX_ROOTS
+from p4pfr_ros.core.minimal.roots import feasible_roots, MAX_ROOTS, STACK_SHAPE
 from p4pfr_ros.core.minimal.sextic import coefficients, evaluate, Factors, factors
 import pytest
 

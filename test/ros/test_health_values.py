@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from events import AMBIGUOUS, answer, BROKEN, GOOD, NO_SIZE, reject, UNSEEN
 import numpy as np
 from p4pfr_ros import DivisionCamera
-from p4pfr_ros.core.many_views.camera_estimate import CameraEstimate
+from p4pfr_ros.core.many_views.results import CameraEstimate
 from p4pfr_ros.ros.conversions.diagnostics import diagnostics_msg
 from p4pfr_ros.ros.pose.health import Health, HealthStatus, Level
 from p4pfr_ros.ros.runtime.rejections import Rejected

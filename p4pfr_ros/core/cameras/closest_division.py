@@ -1,7 +1,12 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The way back: the division camera closest to one that was calibrated in another model."""
+"""
+CameraInfo to division model: the division camera closest to one calibrated in another model.
+
+This module stands alone because DivisionCamera itself converts the other way: one file for both
+would import itself.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +14,11 @@ import math
 
 import numpy as np
 
-from .camera_info import CameraInfoModel, corner_radius_px
+from .camera_info import CameraInfoModel, corner_radius_px, lens_map
 from .division import DivisionCamera
-from .lens_maps import lens_map
 from ..geometry import Array
 
-# The fewest terms with which the division model is as close as this, px, are enough.
+# The number of terms is the smallest whose residual is below this, px.
 _GOOD_ENOUGH_PX = 0.1
 _TERMS = 3
 _ANGLES = 400
@@ -23,11 +27,11 @@ _ALONG_A_SIDE = 33
 
 def division_camera_from_model(model: CameraInfoModel) -> tuple[DivisionCamera, float]:
     """
-    Return the division camera closest to a model, and by how much it is off at worst, px.
+    Return the division camera closest to a model, and its largest error, px.
 
-    The residual is over the picture's pixels that the model has rays for, so it holds what the
-    division model does not: fx ≠ fy and tangential terms. Of k, k2, k3 as few are used as come
-    within 0.1 px. Infinite where no division camera sees all of the picture.
+    The residual is over the pixels of the image that the model has rays for, so it includes what
+    the division model lacks: fx ≠ fy and tangential terms. The camera has the smallest number of
+    terms within 0.1 px. The residual is infinite if no division camera sees the whole image.
     """
     focal_px = math.sqrt(model.focal_px[0] * model.focal_px[1])
     angle, p = _radial_profile(model, focal_px)
@@ -54,7 +58,7 @@ def _radial_profile(model: CameraInfoModel, focal_px: float) -> tuple[Array, Arr
     lens = lens_map(model.distortion_model, model.coefficients)
     corner = corner_radius_px(model.image_size, model.center_px) / focal_px
     radii = corner * (np.arange(_ANGLES) + 1.0) / _ANGLES
-    # Along the axis and not along x, where tangential terms would count as radial.
+    # By the angle to the axis and not by x, where tangential terms would count as radial.
     ray = lens.undistort(np.stack([radii, np.zeros_like(radii)], axis=1))
     angle = np.arctan2(np.linalg.norm(ray[:, :2], axis=1), ray[:, 2])
     angle = angle[~np.isnan(angle)]
@@ -81,6 +85,6 @@ def _fitted(
 
 
 def _pixels(image_size: tuple[int, int]) -> Array:
-    """Return pixels (n, 2) all over the picture, its outer edges among them."""
+    """Return pixels (n, 2) over the whole image, its outer edges included."""
     x, y = (np.linspace(-0.5, size - 0.5, _ALONG_A_SIDE) for size in image_size)
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)

@@ -2,11 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The division model in the words of image_proc: rational_polynomial, or equidistant.
+Division model to CameraInfo: the closest rational_polynomial or equidistant model.
 
-With the lens' axis in the centre the whole picture is one function of one number: the radius r of
-a pixel over the undistorted radius ρ, or over the angle θ, of its ray. Both fits are over the
-pixels' rays out to the picture's corners, in pixels. docs/derivation.md has the closed form.
+With the optical axis in the centre, a lens is one function of one number: the radius r of a pixel
+over the undistorted radius ρ, or over the angle θ, of its ray. Both fits minimise pixels over the
+rays out to the image's corners. docs/derivation.md has the closed form.
+
+This module stands alone because the way back, ``closest_division``, needs DivisionCamera, which
+needs this one.
 """
 
 from __future__ import annotations
@@ -17,18 +20,18 @@ import math
 import numpy as np
 
 from .camera_info import CameraInfoModel, corner_radius_px
-from .lens_maps import smallest_positive_root
+from .ray_polynomial import fold_radius, ray_depth, Terms
 from ..geometry import Array
 
-# Beyond this, px, the fisheye model is tried too.
+# With a larger residual, px, the equidistant model is tried too.
 _GOOD_ENOUGH_PX = 0.1
 _SAMPLES = 300
-_MEASURED = 4000  # radii at which the residual is
-# Z over the distance to the axis: no plane before the camera reaches rays that point so far aside.
+_MEASURED = 4000  # radii at which the residual is measured
+# Least Z over the distance to the axis: rays closer to 90 degrees reach no plane in front.
 _SIDEWAYS = 0.01
 
 _MAX_STEPS = 60
-_EXACT_PX = 1e-6  # no picture shows that: the fit stops
+_EXACT_PX = 1e-6  # far below any image's noise: the fit stops
 _STILL_FALLING = 1e-3  # of the cost, for another step to be worth it
 _START_DAMPING, _MAX_DAMPING = 1e-3, 1e6
 
@@ -36,22 +39,22 @@ _START_DAMPING, _MAX_DAMPING = 1e-3, 1e6
 def fit_camera_info_model(
     focal_px: float,
     center_px: tuple[float, float],
-    k: tuple[float, float, float],
+    terms: Terms,
     image_size: tuple[int, int],
 ) -> CameraInfoModel:
     """
-    Return the model that image_proc knows and that is closest to a division camera's k, k2, k3.
+    Return the CameraInfo model closest to a division camera with the terms k, k2, k3.
 
-    rational_polynomial where it is within 0.1 px all over the picture, else it or equidistant,
-    whichever is closer. Focal length and centre are the division camera's.
+    rational_polynomial if it is within 0.1 px over the image, else rational_polynomial or
+    equidistant, whichever is closer. Focal length and centre are the division camera's.
     """
-    seen = _Seen(focal_px, center_px, k, image_size)
-    # Dense at the rim, as Chebyshev's nodes are: the largest residual is about the smallest.
+    seen = _VisibleRays(focal_px, center_px, terms, image_size)
+    # Dense at the rim like Chebyshev nodes, which nearly minimises the largest residual.
     r = seen.end * np.sin(0.5 * np.pi * (np.arange(_SAMPLES) + 0.5) / _SAMPLES)
     depth = seen.depth(r)
     models = []
     if (depth > _SIDEWAYS * r).all():
-        rational = _fit_rational(k[0], r, r / depth, focal_px)
+        rational = _fit_rational(terms[0], r, r / depth, focal_px)
         models.append(seen.measured('rational_polynomial', rational))
     if not models or not models[0].residual_px <= _GOOD_ENOUGH_PX:
         models.append(_fit_equidistant(seen, r, np.arctan2(r, depth)))
@@ -64,31 +67,25 @@ def closed_form(k: float) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
-    """What a division camera sees: the ray (r, depth(r)), in the plane of the axis, at r ≤ end."""
+class _VisibleRays:
+    """The rays (r, depth(r)) of a division camera in the plane of the axis, for r ≤ end."""
 
     focal_px: float
     center_px: tuple[float, float]
-    k: tuple[float, float, float]
+    terms: Terms
     image_size: tuple[int, int]
 
     @property
     def end(self) -> float:
-        """The farthest corner, or where the rays turn back if that comes first."""
+        """The radius of the farthest corner, or of the fold if that is smaller."""
         corner = corner_radius_px(self.image_size, self.center_px) / self.focal_px
-        k, k2, k3 = self.k
-        # The angle atan2(r, w) grows with r while  w - r w' = 1 - k r² - 3 k2 r⁴ - 5 k3 r⁶ > 0.
-        fold = smallest_positive_root(np.array([1.0, -k, -3.0 * k2, -5.0 * k3]))
-        return min(corner, math.sqrt(fold))
+        return min(corner, fold_radius(self.terms))
 
     def depth(self, r: Array) -> Array:
-        k, k2, k3 = self.k
-        r2 = r**2
-        depth: Array = 1.0 + r2 * (k + r2 * (k2 + r2 * k3))
-        return depth
+        return ray_depth(r**2, self.terms)
 
     def measured(self, distortion_model: str, coefficients: tuple[float, ...]) -> CameraInfoModel:
-        """Make a model with its residual: infinite where it folds inside of the picture."""
+        """Make a model with its residual, which is infinite if the model folds in the image."""
         f, c = self.focal_px, self.center_px
         model = CameraInfoModel(distortion_model, coefficients, (f, f), c, 0.0, self.image_size)
         r = np.linspace(0.0, self.end, _MEASURED)
@@ -98,7 +95,7 @@ class _Seen:
         return replace(model, residual_px=float(away_px.max()))
 
 
-def _fit_equidistant(seen: _Seen, r: Array, angle_rad: Array) -> CameraInfoModel:
+def _fit_equidistant(seen: _VisibleRays, r: Array, angle_rad: Array) -> CameraInfoModel:
     """Fit θ (1 + k1 θ² + ...), which is linear, with as many terms as stay monotonic."""
     powers = angle_rad[:, None] ** [3, 5, 7, 9]
     for terms in (4, 3, 2, 1, 0):
@@ -110,8 +107,8 @@ def _fit_equidistant(seen: _Seen, r: Array, angle_rad: Array) -> CameraInfoModel
 
 
 def _fit_rational(k: float, r: Array, rho: Array, focal_px: float) -> tuple[float, ...]:
-    """Refine the closed form over the picture: Levenberg and Marquardt's method, in pixels."""
-    # In q = ρ² over its largest, each coefficient says what it does at the picture's corner.
+    """Refine the closed form over the image by Levenberg-Marquardt, in pixels."""
+    # In q = ρ² over its largest value, each coefficient is its effect at the image's corner.
     farthest2 = float(rho[-1]) ** 2
     powers = (rho[:, None] ** 2 / farthest2) ** [1, 2, 3]
     units = farthest2 ** np.array([1.0, 2.0, 3.0, 1.0, 2.0, 3.0])
@@ -151,7 +148,7 @@ def _linearised(
 
 
 def _damped_step(jacobian: Array, error: Array, damping: float) -> Array:
-    # As a least-squares problem: the six columns are nearly dependent, their squares would be so.
+    # By orthogonalisation: the six columns are nearly dependent, and JᵀJ would lose the digits.
     scale = np.linalg.norm(jacobian, axis=0)
     scaled = np.vstack([jacobian / scale, math.sqrt(damping) * np.eye(6)])
     step: Array = np.linalg.lstsq(scaled, np.append(error, np.zeros(6)), rcond=None)[0] / scale

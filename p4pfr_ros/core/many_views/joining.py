@@ -1,98 +1,156 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A new view and the camera of the others: the fit of all together, where they agree."""
+"""Fits with a new view: of all views together if they agree, or of a camera that has changed."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from .candidate import disagrees, Sighting
-from .fit_views import fit_views
-from .founding import best_of, cameras_of, found
-from .joint_fit import JointFit
-from .lens_order import asks_for_next_term, MAX_ORDER, needs_last_term
-from .selection import least_telling
-from ..model.prior import Knowledge
+from .candidate import Candidate, disagrees
+from .joint_fit import fit_views, JointFit
+from .lens_order import MAX_ORDER, needs_last_term, requires_next_term
+from .selection import least_informative
+from ..cameras.division import DivisionCamera
+from ..geometry import Array
+from ..model.lens import lens_from_camera
+from ..model.observation import CenteredView
+from ..model.prior import LensPrior
+from ..one_view.estimate_pose import estimate_observation
+from ..one_view.results import EstimateOptions, PoseEstimate
 
-# With fewer coordinates to spare, another term would explain away any disagreement.
+# With fewer spare coordinates, another term would explain any disagreement.
 _ENOUGH_FOR_A_TERM = 60
 
-# So few views may have led to a wrong optimum: a new one is asked for its own.
+# So few views may have led to a wrong optimum: the optima of the new view are tried too.
 _FEW_VIEWS = 5
+
+# Four points have up to six solutions; of several views' solutions the first ones are tried.
+_MOST_STARTS = 12
 
 
 class Joined(NamedTuple):
-    """A fit with the new view, and what is known besides: of a view that went for it, too."""
+    """A fit with the new view, and the prior with the view that it may have replaced."""
 
     fit: JointFit
-    knowledge: Knowledge
+    prior: LensPrior
 
 
-def with_view(sighting: Sighting, knowledge: Knowledge, max_views: int) -> Joined | None:
+def with_view(candidate: Candidate, prior: LensPrior, max_views: int) -> Joined | None:
     """
-    Fit the views and a new one, which is the last then.
+    Fit the views and a new one, which becomes the last.
 
-    At most max_views: where there is no more room, one is left out, and remembered. None where
-    the new one does not agree with the others, or is the one to leave out.
+    With more than max_views the least informative view is dropped and marginalised. Return None
+    if the new view does not agree with the others, or is the one to drop.
     """
-    fit = sighting.fit
+    fit = candidate.fit
     if len(fit.views) >= max_views:
-        drop = None if sighting.by_fit is None else least_telling(fit, sighting.by_fit.told)
+        drop = (
+            None
+            if candidate.by_fit is None
+            else least_informative(fit, candidate.by_fit.information)
+        )
         if drop is None:
             return None
-        told, pull = fit.told[drop], fit.pulls[drop]
-        knowledge = knowledge.remembering(told, pull, fit.lens, fit.variance)
+        prior = prior.marginalise(
+            fit.information[drop], fit.gradients[drop], fit.lens, fit.variance
+        )
         fit = fit.without(drop)
-    trials = _joined(sighting, fit, knowledge)
-    if len(fit.views) < _FEW_VIEWS and sighting.alone_row is not None:
-        rows = [*fit.poses, sighting.alone_row]
-        views, cameras = (*fit.views, sighting.view), cameras_of([sighting.alone])
-        anew = found(views, rows, cameras, knowledge, sighting.robust)
-        trials += [trial for trial in anew if _agree(trial, fit, sighting)]
+    trials = _joined(candidate, fit, prior)
+    if len(fit.views) < _FEW_VIEWS and candidate.alone_row is not None:
+        rows = [*fit.poses, candidate.alone_row]
+        views, cameras = (*fit.views, candidate.view), cameras_of([candidate.alone])
+        others = fits_from_cameras(views, rows, cameras, prior, candidate.robust)
+        trials += [trial for trial in others if _agree(trial, fit, candidate)]
     if not trials:
         return None
-    return Joined(settled(best_of(trials), knowledge, sighting.robust.sigma_px), knowledge)
+    return Joined(with_lens_order(best_of(trials), prior, candidate.robust.sigma_px), prior)
 
 
-def explained_anew(sightings: Sequence[Sighting], knowledge: Knowledge) -> JointFit:
-    """Fit views that all disagreed with a camera of before; each has an estimate of its own."""
-    robust = sightings[0].robust
-    views = [sighting.view for sighting in sightings]
-    rows = [sighting.row for sighting in sightings]
-    cameras = cameras_of(sighting.alone for sighting in sightings)
-    best = best_of(found(views, rows, cameras, knowledge, robust))
-    return settled(best, knowledge, robust.sigma_px)
+def fit_candidates(candidates: Sequence[Candidate], prior: LensPrior) -> JointFit:
+    """Fit a new camera to views that disagree with the previous one."""
+    robust = candidates[0].robust
+    views = [candidate.view for candidate in candidates]
+    rows = [candidate.row for candidate in candidates]
+    cameras = cameras_of(candidate.alone for candidate in candidates)
+    best = best_of(fits_from_cameras(views, rows, cameras, prior, robust))
+    return with_lens_order(best, prior, robust.sigma_px)
 
 
-def settled(fit: JointFit, knowledge: Knowledge, sigma_px: float | None) -> JointFit:
-    """Give the lens the number of terms that the data ask for."""
+def with_lens_order(fit: JointFit, prior: LensPrior, sigma_px: float | None) -> JointFit:
+    """Fit again with the number of lens terms that the data require."""
     if not needs_last_term(fit):
-        return fit_views(fit.views, fit.poses, fit.lens, fit.order - 1, knowledge, sigma_px)
-    while fit.spare >= _ENOUGH_FOR_A_TERM and asks_for_next_term(fit):
-        fit = fit_views(fit.views, fit.poses, fit.lens, fit.order + 1, knowledge, sigma_px)
+        return fit_views(fit.views, fit.poses, fit.lens, fit.order - 1, prior, sigma_px)
+    while fit.spare >= _ENOUGH_FOR_A_TERM and requires_next_term(fit):
+        fit = fit_views(fit.views, fit.poses, fit.lens, fit.order + 1, prior, sigma_px)
     return fit
 
 
-def _joined(sighting: Sighting, fit: JointFit, knowledge: Knowledge) -> list[JointFit]:
-    """Fit all from where the others are; where they disagree, a wide lens's next term may help."""
-    sigma_px = sighting.robust.sigma_px
-    views, poses = (*fit.views, sighting.view), np.vstack([fit.poses, sighting.row])
+def _joined(candidate: Candidate, fit: JointFit, prior: LensPrior) -> list[JointFit]:
+    """Fit all views from the current fit; if they disagree, try further terms of the lens."""
+    sigma_px = candidate.robust.sigma_px
+    views, poses = (*fit.views, candidate.view), np.vstack([fit.poses, candidate.row])
     for order in range(fit.order, MAX_ORDER + 1):
-        trial = fit_views(views, poses, fit.lens, order, knowledge, sigma_px)
-        if _agree(trial, fit, sighting):
+        trial = fit_views(views, poses, fit.lens, order, prior, sigma_px)
+        if _agree(trial, fit, candidate):
             return [trial]
         if trial.spare < _ENOUGH_FOR_A_TERM:
             break
     return []
 
 
-def _agree(trial: JointFit, fit: JointFit, sighting: Sighting) -> bool:
-    """Say whether a view and the others share a camera: together they cost little more."""
-    if sighting.agrees:
+def _agree(trial: JointFit, fit: JointFit, candidate: Candidate) -> bool:
+    """Return whether a view and the others share a camera: together they cost little more."""
+    if candidate.agrees:
         return True
-    excess = trial.cost_within(fit.limit) - fit.cost - sighting.own_cost
-    return not disagrees(excess, len(sighting.view), fit)
+    excess = trial.cost_within(fit.limit) - fit.cost - candidate.own_cost
+    return not disagrees(excess, len(candidate.view), fit)
+
+
+def cameras_of(estimates: Iterable[PoseEstimate]) -> list[DivisionCamera]:
+    """Return the cameras of estimates and of their alternatives."""
+    solutions = [s for e in estimates if e.model for s in (e.model, *e.alternatives)]
+    return [solution.camera for solution in solutions[:_MOST_STARTS]]
+
+
+def fits_from_cameras(
+    views: Sequence[CenteredView],
+    rows: Sequence[Array],
+    cameras: Iterable[DivisionCamera],
+    prior: LensPrior,
+    options: EstimateOptions,
+) -> list[JointFit]:
+    """
+    Fit all views, starting from each of the cameras.
+
+    Several starts are needed because one of few views may lead to a wrong optimum. rows: a pose
+    (12,) of each view, used if a camera does not explain it.
+    """
+    fits, middle_px = [], views[0].center_px
+    for camera in cameras:
+        poses = [
+            _row_by_camera(view, row, camera, options)
+            for view, row in zip(views, rows, strict=True)
+        ]
+        lens = lens_from_camera(camera, middle_px)
+        fits.append(fit_views(views, np.array(poses), lens, 1, prior, options.sigma_px))
+    return fits
+
+
+def best_of(fits: Sequence[JointFit]) -> JointFit:
+    """Return the fit with the smallest truncated cost, all by the widest of their limits."""
+    limit = max(fit.limit for fit in fits)
+    return min(fits, key=lambda fit: fit.cost_within(limit))
+
+
+def _row_by_camera(
+    view: CenteredView, row: Array, camera: DivisionCamera, options: EstimateOptions
+) -> Array:
+    """Return the pose (12,) of a view by a camera, or else the row."""
+    estimate = estimate_observation(view.observation, None, None, camera, options)
+    if estimate.model is None:
+        return row
+    return view.observation.row_from_pose(estimate.model.camera_from_board)

@@ -1,29 +1,56 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The joint fit of one camera to many views, and what it says of itself."""
+"""The joint fit of one lens to many views: noise, adjustment with its gate, and the result."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from .bundle_adjustment import (
-    POSE_SIZE,
+    adjust,
+    adjustment_work,
+    AdjustmentWork,
+    fill_blocks,
+    lens_equations,
+    squared_errors,
+    StackedViews,
+    view_equations,
 )
-from ..geometry import Array, Ints
-from ..model.calibration_view import CalibrationView
-from ..model.lens import K, LENS_SIZE
-from ..model.prior import inverse_of, Knowledge
-from ..model.uncertainty import DEFAULT_SIGMA_PX, posterior_variance
+from .results import Keyframe
+from ..cameras.division import DivisionCamera
+from ..geometry import Array, Ints, POSE_SIZE
+from ..linalg import inverse_of_information
+from ..model.lens import camera_from_lens, K, LENS_SIZE, POSE_COLUMNS
+from ..model.observation import CenteredView
+from ..model.prior import LensPrior
+from ..model.uncertainty import DEFAULT_SIGMA_PX, noise_variance, posterior_variance
 
-# A point whose error is beyond this many standard deviations of a coordinate is an outlier: of
-# normal errors three in ten thousand are. And no corner is that good, px.
+# Points beyond this many standard deviations of a coordinate are outliers (three in ten thousand
+# normal errors are), but never points within the second limit, px.
 _GATE_SIGMAS = 4.0
 _SMALLEST_GATE_PX = 0.1
+
+# Prior degrees of freedom of the scatter, for which it is 1: few views do not measure it.
+_SCATTER_FREEDOM = 4.0
+
+# The median of the squared length of a normal error is 2 ln 2 variances of a coordinate.
+_MEDIAN_SQUARE = 2.0 * math.log(2.0)
+
+# Median if most points are not visible, px².
+_LARGEST_SQUARE = 1e6
+
+# With fewer spare coordinates the residuals do not measure the noise.
+_ENOUGH_TO_SPARE = 20
+
+# Each round measures the noise for its gate and adjusts: maximum number of steps, tolerance.
+_ROUNDS = ((20, 1e-2), (10, 1e-4), (20, 1e-7))
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,16 +58,16 @@ class JointFit:
     """
     One lens and the poses of all views.
 
-    lens (6,); order, how many of k, k2, k3 are free; poses (V, 12); squares (M,), the squared
-    errors of all points, px², and limit, beyond which one is an outlier's; variance of a
-    coordinate, px², with the coordinates to spare, and whether it was measured by them; scatter,
-    by how much the views differ over the lens, in units of what the noise explains (1 at least);
-    equations (6, 7), the normal equations of the lens, with all that is known besides; prior
-    (6, 6), what of that was known beforehand, px²; told (V, 6, 6) and pulls (V, 6), what each
-    view adds to them: its information, and where it would have the lens go.
+    lens (6,); order, the number of free terms of k, k2, k3; poses (V, 12) of the scaled boards;
+    squares (M,), the squared errors of all points, px², and limit, beyond which a point is an
+    outlier; variance of a coordinate, px², with the number of spare coordinates, and whether they
+    measured it; scatter, the chi-square per degree of freedom of the views' lenses (at least 1);
+    equations (6, 7), the normal equations of the lens with its prior and marginalised views;
+    prior (6, 6), the part of them without marginalised views, px²; information (V, 6, 6) and
+    gradients (V, 6), each view's share: its information, and its negative gradient.
     """
 
-    views: tuple[CalibrationView, ...]
+    views: tuple[CenteredView, ...]
     lens: Array
     order: int
     poses: Array
@@ -52,12 +79,12 @@ class JointFit:
     scatter: float
     equations: Array
     prior: Array
-    told: Array
-    pulls: Array
+    information: Array
+    gradients: Array
 
     @property
     def cost(self) -> float:
-        """The sum of the squared errors, each cut off at the limit, px²."""
+        """The sum of the squared errors, each truncated at the limit, px²."""
         return self.cost_within(self.limit)
 
     def cost_within(self, limit: float) -> float:
@@ -66,17 +93,17 @@ class JointFit:
 
     @property
     def rms_px(self) -> float:
-        """Root of the mean squared distance between the inliers and their reprojections."""
+        """Root mean square distance between the inliers and their reprojections."""
         inliers = self.squares[self.squares < self.limit]
         return math.sqrt(inliers.mean()) if inliers.size else math.nan
 
     @property
     def starts(self) -> Ints:
-        """Where each view's points begin and end in the squares, (V + 1,)."""
+        """Start and end of each view's points in the squares, (V + 1,)."""
         return np.concatenate([[0], np.cumsum([len(view) for view in self.views], dtype=np.int64)])
 
     def without(self, v: int) -> JointFit:
-        """Return what is left when a view is taken out: the same lens, not fitted again."""
+        """Return the fit without a view: the same lens, not fitted again."""
         keep = np.arange(len(self.views)) != v
         first, last = self.starts[v : v + 2]
         return replace(
@@ -84,22 +111,22 @@ class JointFit:
             views=tuple(view for view, kept in zip(self.views, keep, strict=True) if kept),
             poses=self.poses[keep],
             squares=np.delete(self.squares, np.arange(first, last)),
-            told=self.told[keep],
-            pulls=self.pulls[keep],
+            information=self.information[keep],
+            gradients=self.gradients[keep],
         )
 
     @cached_property
     def covariance(self) -> Array:
-        """The lens's covariance (6, 6); zero for what is not free."""
-        # With T = S + Λ, the views' information and the prior's (px²), the estimate is off by T⁻¹
-        # times the pull of the noise, of covariance v S, and of the prior's own error, σ² Λ.
-        # Remembered views are views.
+        """The covariance (6, 6) of the lens; zero for fixed terms."""
+        # With T = S + Λ, the information of the views and of the prior (px²), the error is T⁻¹
+        # times the gradient of the noise, of covariance v S, and of the prior's own error, σ² Λ.
+        # Marginalised views count as views.
         free = slice(K + self.order)
-        inverse = inverse_of(self.equations[free, free])
+        inverse = inverse_of_information(self.equations[free, free])
         prior = self.prior[free, free]
-        pulls = self.posterior_variance * (self.equations[free, free] - prior)
+        of_noise = self.posterior_variance * (self.equations[free, free] - prior)
         covariance = np.zeros((LENS_SIZE, LENS_SIZE))
-        covariance[free, free] = inverse @ (pulls + self.variance * prior) @ inverse
+        covariance[free, free] = inverse @ (of_noise + self.variance * prior) @ inverse
         return 0.5 * (covariance + covariance.T)
 
     @cached_property
@@ -109,13 +136,18 @@ class JointFit:
         return self.scatter * posterior_variance(self.variance, spare, self.limit)
 
 
-def unfitted(knowledge: Knowledge, order: int) -> JointFit:
-    """Return the fit of no views at all: what is known beforehand."""
+def gate_of(variance: float) -> float:
+    """Return the squared error, px², beyond which a point is an outlier."""
+    return max(_GATE_SIGMAS**2 * variance, _SMALLEST_GATE_PX**2)
+
+
+def fit_of_prior(prior: LensPrior, order: int) -> JointFit:
+    """Return the fit of no views: the prior."""
     variance = DEFAULT_SIGMA_PX**2
-    information = knowledge.weighed(variance).information
+    information = prior.weighted(variance).information
     return JointFit(
         views=(),
-        lens=knowledge.mean.copy(),
+        lens=prior.mean.copy(),
         order=order,
         poses=np.empty((0, POSE_SIZE)),
         squares=np.empty(0),
@@ -126,11 +158,163 @@ def unfitted(knowledge: Knowledge, order: int) -> JointFit:
         scatter=1.0,
         equations=np.column_stack([information, np.zeros(LENS_SIZE)]),
         prior=information,
-        told=np.empty((0, LENS_SIZE, LENS_SIZE)),
-        pulls=np.empty((0, LENS_SIZE)),
+        information=np.empty((0, LENS_SIZE, LENS_SIZE)),
+        gradients=np.empty((0, LENS_SIZE)),
     )
 
 
-def gate_of(variance: float) -> float:
-    """Return the squared error, px², beyond which a point is an outlier."""
-    return max(_GATE_SIGMAS**2 * variance, _SMALLEST_GATE_PX**2)
+def fit_views(
+    views: Sequence[CenteredView],
+    poses: Array,
+    lens: Array,
+    order: int,
+    prior: LensPrior,
+    sigma_px: float | None = None,
+) -> JointFit:
+    """
+    Fit one lens to the views, starting from poses (V, 12) and lens (6,).
+
+    sigma_px: the standard deviation of a coordinate; None: it is measured.
+    """
+    points = stacked_views(views)
+    poses, lens = poses.copy(), lens.copy()
+    lens[K + order :] = 0.0
+    squares = np.empty(len(points.image))
+    work = adjustment_work(len(views))
+    unknowns = POSE_COLUMNS * len(views) + K + order
+    variance = limit = 0.0
+    for steps, tolerance in _ROUNDS:
+        squared_errors(points, poses, lens, squares)
+        variance = sigma_px**2 if sigma_px else _median_variance(squares, unknowns)
+        limit = gate_of(variance)
+        weighted = prior.weighted(variance)
+        adjust(points, poses, lens, order, weighted, limit, steps, tolerance, work)
+    fitted = _Fitted(tuple(views), points, lens, order, poses, limit, variance, work)
+    return _described(fitted, prior, measured=sigma_px is None)
+
+
+class _Fitted(NamedTuple):
+    """The result of the adjustment, and its workspace."""
+
+    views: tuple[CenteredView, ...]
+    points: StackedViews
+    lens: Array
+    order: int
+    poses: Array
+    limit: float
+    variance: float
+    work: AdjustmentWork
+
+
+def _described(fitted: _Fitted, prior: LensPrior, measured: bool) -> JointFit:
+    """Measure the noise, unless it is given, and linearise once more."""
+    views, points, lens, order, poses, limit, variance, work = fitted
+    squares = np.empty(len(points.image))
+    squared_errors(points, poses, lens, squares)
+    inlier = squares < limit
+    spare = 2 * int(inlier.sum()) - POSE_COLUMNS * len(views) - K - order
+    measured = measured and spare >= _ENOUGH_TO_SPARE
+    if measured:
+        variance = noise_variance(float(squares[inlier].sum()), spare, limit)
+    equations = np.empty((len(views), LENS_SIZE, LENS_SIZE + 1))
+    weighted = prior.weighted(variance)
+    fill_blocks(points, poses, lens, limit, work)
+    view_equations(len(views), work, equations)
+    lens_equations(len(views), lens, weighted, 0.0, work)
+    free, scatter = slice(K + order), 1.0
+    if measured:
+        scatter = scatter_of(
+            equations[:, free, free],
+            equations[:, free, LENS_SIZE],
+            weighted.information[free, free],
+            work.reduced[free, free],
+            variance,
+        )
+    return JointFit(
+        views=views,
+        lens=lens,
+        order=order,
+        poses=poses,
+        squares=squares,
+        limit=limit,
+        variance=variance,
+        spare=spare,
+        measured=measured,
+        scatter=scatter,
+        equations=work.reduced,
+        prior=variance * (prior.information - prior.marginalised),
+        information=equations[:, :, :LENS_SIZE],
+        gradients=equations[:, :, LENS_SIZE],
+    )
+
+
+def _median_variance(squares: Array, unknowns: int) -> float:
+    """Return the variance of a coordinate, px², by the median of the squared errors."""
+    coordinates = 2 * len(squares)
+    spare = coordinates - unknowns
+    median = min(float(np.median(squares)), _LARGEST_SQUARE)
+    variance = median / _MEDIAN_SQUARE * coordinates / max(spare, 1)
+    return variance if spare >= _ENOUGH_TO_SPARE else max(variance, DEFAULT_SIGMA_PX**2)
+
+
+def stacked_views(views: Sequence[CenteredView]) -> StackedViews:
+    """Stack the points of views, one view after the other."""
+    if len(views) == 1:
+        [view] = views
+        return StackedViews(view.image, view.board, np.array([0, len(view)]))
+    starts = np.zeros(len(views) + 1, dtype=np.int64)
+    np.cumsum([len(view) for view in views], out=starts[1:])
+    return StackedViews(
+        np.concatenate([view.image for view in views]),
+        np.concatenate([view.board for view in views]),
+        starts,
+    )
+
+
+def scatter_of(
+    information: Array, gradients: Array, prior: Array, total: Array, variance: float
+) -> float:
+    """
+    Return the chi-square per degree of freedom of the views' lenses, at least 1.
+
+    information (V, n, n) and gradients (V, n) are the views' equations for the lens at their
+    common optimum, prior (n, n) the rest, total (n, n) the sum; px². Errors that all points of a
+    view share (a bent board, a lens outside the model) hardly show in its residuals, but in this:
+    each view's gradient points to a lens of its own.
+    """
+    # One view alone would move the lens by (S + Λ)⁻¹ g: S its information, g its gradient, Λ the
+    # prior's information. At the common optimum, with T the total, g has the covariance
+    # σ² (S - S T⁻¹ S).
+    alone = np.linalg.inv(information + prior)
+    expected = information - information @ inverse_of_information(total) @ information
+    squares = np.einsum('va,vab,vb->', gradients, alone, gradients) / variance
+    freedom = np.einsum('vab,vba->', alone, expected)
+    return max(1.0, float((_SCATTER_FREEDOM + squares) / (_SCATTER_FREEDOM + freedom)))
+
+
+def keyframes_of(fit: JointFit) -> tuple[Keyframe, ...]:
+    """Return the views of a fit with their poses and residuals."""
+    camera = camera_from_lens(fit.lens, fit.views[0].center_px) if fit.views else None
+    return tuple(
+        _keyframe(view, row, camera, fit.limit)
+        for view, row in zip(fit.views, fit.poses, strict=True)
+        if camera is not None
+    )
+
+
+def _keyframe(view: CenteredView, row: Array, camera: DivisionCamera, limit: float) -> Keyframe:
+    observation = view.observation
+    pose = observation.pose_from_row(row)
+    points = np.pad(observation.board_points, ((0, 0), (0, 1)))
+    residuals_px = camera.project(pose.transform(points)) - observation.image_points
+    squares = np.sum(residuals_px**2, axis=1)
+    inliers = squares < limit
+    return Keyframe(
+        image_points=observation.image_points,
+        board_points=observation.board_points,
+        camera_from_board=pose,
+        inliers=inliers,
+        residuals_px=residuals_px,
+        rms_px=math.sqrt(squares[inliers].mean()) if inliers.any() else math.nan,
+        stamp=observation.stamp,
+    )

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The words of self-calibration: what it is asked, how far it is, what became of a view."""
+"""The options, states and results of self-calibration."""
 
 from __future__ import annotations
 
@@ -10,54 +10,63 @@ import enum
 import math
 from typing import Any
 
-from ..geometry import Array, Mask, Pose
+import numpy as np
+
+from ..cameras.division import DivisionCamera
+from ..geometry import Array, as_points, fields_equal, Mask, Pose, read_only
+from ..model.lens import CX, CY, FOCAL, K, K2, K3
+from ..model.uncertainty import sigma_at
+from ..options import check_ranges, option
+
+# Tolerated deviation of a covariance from symmetric and positive semidefinite, in variances.
+_ROUNDING = 1e-6
 
 
 class CalibrationState(enum.Enum):
-    """How far the calibration is; the value is a sentence for people."""
+    """Progress of the calibration; the value is a sentence for people."""
 
-    UNCALIBRATED = 'the views do not tell the focal length and distortion yet'
-    CONVERGING = 'the camera is known roughly, and better with each new view'
-    CALIBRATED = 'the camera is known as well as was asked for'
+    UNCALIBRATED = 'uncalibrated: the views do not determine focal length and distortion yet'
+    CONVERGING = 'converging: the camera is known roughly and improves with each new view'
+    CALIBRATED = 'calibrated: all uncertainties are within tolerance'
 
 
 class Verdict(enum.Enum):
-    """What became of a view; the value is a sentence for people."""
+    """What self-calibration did with a view; the value is a sentence for people."""
 
-    USED = 'the camera has been estimated anew, with what the view tells'
-    REDUNDANT = 'the view agrees with the camera, and adds nothing new'
-    OUTLIER = 'the view disagrees with the camera, and does not count'
-    RESTARTED = 'the views disagree with the camera for good: it has changed, and is started over'
-    NO_POSE = 'the view has no answer'
+    USED = 'the camera was estimated again with this view'
+    REDUNDANT = 'the view agrees with the camera and adds no information'
+    OUTLIER = 'the view disagrees with the camera and is not used'
+    RESTARTED = 'the last views disagree with the camera: it has changed, the calibration restarts'
+    NO_POSE = 'no pose could be estimated from the view'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationOptions:
     """
-    How ``SelfCalibration`` works.
+    Options of ``SelfCalibration``.
 
     Parameters
     ----------
     max_views
-        At most so many views are kept whole: those that tell most of the camera together. Of
-        others it is remembered what they told.
+        Maximum number of keyframes: the views that together determine the camera best. Others
+        are marginalised.
     min_views
-        With fewer it is never calibrated.
+        Minimum number of views of a calibrated camera.
     focal_tolerance
-        Standard deviation of the focal length, as a share of it, below which it is calibrated.
+        Calibrated below this standard deviation of the focal length, as a share of it.
     center_tolerance
-        The same of the optical centre, as a share of the picture's diagonal.
+        The same for the optical centre, as a share of the image diagonal.
     bend_tolerance
-        The same of the distortion at the picture's corner, k |d|².
+        The same for the distortion at the image's corner, k |d|².
     center_spread
-        How far the optical centre of lenses is from the middle of the picture, a standard
-        deviation, as a share of the diagonal.
+        Prior standard deviation of the optical centre from the middle of the image, as a share
+        of the diagonal.
     new_view
-        A view counts as new when its points lie so far from where any kept view has them, as a
-        share of the picture's diagonal.
+        A view is new if its points are at least this far from their places in every keyframe, as
+        a share of the image diagonal.
     outliers_to_restart
-        Of the last ten views that told something of the camera, so many that disagree mean that
-        it has changed.
+        Number of disagreeing views, of the last ten informative ones, that restart the
+        calibration.
 
     Raises
     ------
@@ -66,42 +75,71 @@ class CalibrationOptions:
 
     """
 
-    max_views: int = 40
-    min_views: int = 5
-    focal_tolerance: float = 0.005
-    center_tolerance: float = 0.005
-    bend_tolerance: float = 0.01
-    center_spread: float = 0.03
-    new_view: float = 0.02
-    outliers_to_restart: int = 5
+    max_views: int = option(
+        40,
+        'Maximum number of keyframes: the views that together determine the camera best.',
+        low=2,
+        high=1000,
+    )
+    min_views: int = option(5, 'Minimum number of views of a calibrated camera.', low=2, high=1000)
+    focal_tolerance: float = option(
+        0.005,
+        'Calibrated below this standard deviation of the focal length, as a share of it.',
+        low=1e-6,
+        high=0.5,
+    )
+    center_tolerance: float = option(
+        0.005,
+        'Calibrated below this standard deviation of the optical centre, as a share of the image '
+        'diagonal.',
+        low=1e-6,
+        high=0.5,
+    )
+    bend_tolerance: float = option(
+        0.01,
+        "Calibrated below this standard deviation of the distortion at the image's corner, "
+        'k |d|^2.',
+        low=1e-6,
+        high=0.5,
+    )
+    center_spread: float = option(
+        0.03,
+        'Prior standard deviation of the optical centre from the middle of the image, as a share '
+        'of the diagonal.',
+        low=1e-6,
+        high=0.5,
+    )
+    new_view: float = option(
+        0.02,
+        'A view is new if its points are at least this far from their places in every keyframe, '
+        'as a share of the image diagonal.',
+        low=1e-6,
+        high=1.0,
+    )
+    outliers_to_restart: int = option(
+        5,
+        'Number of disagreeing views, of the last ten informative ones, that restart the '
+        'calibration.',
+        low=2,
+        high=10,
+    )
 
     def __post_init__(self) -> None:
-        for name in ('focal', 'center', 'bend'):
-            name += '_tolerance'
-            if not 0.0 < getattr(self, name) < 1.0:
-                raise ValueError(f'{name} must be between 0 and 1, got {getattr(self, name)}')
-        for name in ('center_spread', 'new_view'):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise ValueError(f'{name} must be > 0, got {getattr(self, name)}')
-        if not 2 <= self.min_views <= self.max_views:
+        check_ranges(self)
+        if not self.min_views <= self.max_views:
             raise ValueError(
-                'min_views must be at least 2 and at most max_views, got '
-                f'{self.min_views} and {self.max_views}'
-            )
-        if not 2 <= self.outliers_to_restart <= 10:
-            raise ValueError(
-                f'outliers_to_restart must be from 2 to 10, got {self.outliers_to_restart}'
+                f'min_views must be at most max_views = {self.max_views}, got {self.min_views}'
             )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Keyframe:
     """
     A view that the camera is estimated from.
 
     image_points (N, 2) raw px, board_points (N, 2) and camera_from_board in board units,
-    inliers (N,) bool, residuals_px (N, 2) reprojected less seen (NaN where the camera does not
-    see the point), rms_px of the inliers, and the stamp that came with it.
+    inliers (N,) bool, residuals_px (N, 2) reprojected minus observed (NaN if the camera does not
+    see the point), rms_px of the inliers, and the caller's stamp. The arrays are read-only.
     """
 
     image_points: Array
@@ -111,3 +149,94 @@ class Keyframe:
     residuals_px: Array
     rms_px: float
     stamp: Any
+
+    def __post_init__(self) -> None:
+        for array in (self.image_points, self.board_points, self.inliers, self.residuals_px):
+            read_only(array)
+
+    def __eq__(self, other: object) -> bool:
+        return fields_equal(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return (
+            f'Keyframe(stamp={self.stamp!r}, inliers={int(self.inliers.sum())}/'
+            f'{len(self.inliers)}, rms_px={self.rms_px:.3g}, {self.camera_from_board})'
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class CameraEstimate:
+    """
+    A camera estimated from many views.
+
+    Parameters
+    ----------
+    camera
+        The camera.
+    covariance : (6, 6) array
+        Of focal_px, the centre's x and y (px), k, k2 and k3, in this order. Rows and columns of
+        fixed terms are zero. Read-only.
+    rms_px
+        Root mean square distance between the views' inliers and their reprojections.
+    views
+        Number of views.
+
+    Raises
+    ------
+    ValueError
+        The covariance is not one, rms_px is negative or not finite, or views is not positive.
+
+    """
+
+    camera: DivisionCamera
+    covariance: Array
+    rms_px: float
+    views: int
+
+    def __post_init__(self) -> None:
+        covariance = as_points(self.covariance, 'covariance', (6, 6))
+        sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        # In units of the standard deviations, since px² and k² differ by orders of magnitude.
+        unit = covariance / np.outer(*(2 * [np.where(sigma > 0.0, sigma, 1.0)]))
+        symmetric = np.abs(unit - unit.T).max() <= _ROUNDING
+        if not (symmetric and np.linalg.eigvalsh(unit)[0] >= -_ROUNDING):
+            raise ValueError(f'covariance must be symmetric and ≥ 0, got {covariance.tolist()}')
+        if not 0.0 <= self.rms_px < math.inf:
+            raise ValueError(f'rms_px must be finite and ≥ 0, got {self.rms_px}')
+        if self.views < 1:
+            raise ValueError(f'views must be at least 1, got {self.views}')
+        object.__setattr__(self, 'covariance', read_only(covariance.copy()))
+
+    def __eq__(self, other: object) -> bool:
+        return fields_equal(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return (
+            f'CameraEstimate({self.camera}, focal_sigma_px={self.focal_sigma_px:.3g}, '
+            f'rms_px={self.rms_px:.3g}, views={self.views})'
+        )
+
+    @property
+    def focal_sigma_px(self) -> float:
+        """Standard deviation of the focal length, px."""
+        return sigma_at(self.covariance, FOCAL)
+
+    @property
+    def center_sigma_px(self) -> Array:
+        """Standard deviations (2,) of the centre's x and y, px; 0 if it is fixed."""
+        return np.array([sigma_at(self.covariance, CX), sigma_at(self.covariance, CY)])
+
+    @property
+    def k_sigma(self) -> float:
+        """Standard deviation of k."""
+        return sigma_at(self.covariance, K)
+
+    @property
+    def terms_sigma(self) -> tuple[float, float, float]:
+        """Standard deviations of k, k2 and k3; 0 for fixed terms."""
+        k, k2, k3 = (sigma_at(self.covariance, i) for i in (K, K2, K3))
+        return k, k2, k3

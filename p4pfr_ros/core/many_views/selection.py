@@ -1,82 +1,83 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which views are worth keeping: those that are new, and tell most of the camera together."""
+"""Which views become keyframes: new ones that together determine the camera best."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 import math
 
 import numpy as np
 
-from .bundle_adjustment import POSE_SIZE
 from .joint_fit import JointFit
-from .view_by_fit import SeenByFit
+from .view_by_fit import ViewByFit
 from ..cameras.division import DivisionCamera
-from ..geometry import Array, Pose
+from ..geometry import Array, Pose, TRANSLATION
 from ..jit import jit, kernel
-from ..minimal.solution import TRANSLATION
+from ..linalg import inverse_of_information
 from ..model.lens import closed_form, FOCAL, K
-from ..model.prior import inverse_of, Knowledge
+from ..model.prior import LensPrior
 
-# The log-determinant of the information must rise by so much: for a view to take another's place,
-# and for what was remembered of many to be fitted. Nothing is lost by waiting.
+# Least rise of the log-determinant of the information for a view to replace another, and for
+# marginalised views to be fitted. Nothing is lost by waiting.
 _WORTH_A_PLACE = 0.2
 _WORTH_A_FIT = 0.4
 
-# A view tells the focal length that it knows to this share.
-_TOLD = 0.3
+# Relative standard deviation of the focal length below which a view determines it.
+_DETERMINED = 0.3
 
 
 def distance_to_views_px(
-    board_points: Array, camera_from_board: Pose, kept: Array, camera: DivisionCamera
+    board_points: Array, camera_from_board: Pose, others: Array, camera: DivisionCamera
 ) -> float:
     """
-    Return how far a view is from the nearest kept one: root mean square of its corners' ways.
+    Return the distance of a view from the nearest of other poses: rms over its corners, px.
 
-    kept are the poses (V, 12), in board units. The corners are those of the rectangle about the
+    others are poses (V, 12), in board units. The corners are those of the rectangle around the
     view's board points. Another board in the same place counts as the same view, which it nearly
     is.
     """
     (left, bottom), (right, top) = board_points.min(axis=0), board_points.max(axis=0)
     corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
-    poses = np.vstack([rows_of([camera_from_board]), kept])
-    if camera.k2 == 0.0 and camera.k3 == 0.0:
-        return camera.focal_px * math.sqrt(nearest(corners, poses, camera.k))
+    poses = np.vstack([row_of(camera_from_board), others])
+    if camera.order == 1:
+        return camera.focal_px * math.sqrt(_nearest(corners, poses, camera.k))
     rotations, places = poses[:, :TRANSLATION].reshape(-1, 3, 3), poses[:, TRANSLATION:]
-    seen_px = camera.project(corners @ rotations[:, :, :2].transpose(0, 2, 1) + places[:, None])
-    ways2 = np.sum((seen_px[1:] - seen_px[0]) ** 2, axis=-1).mean(axis=-1)
-    # A corner that no pixel sees is not where the kept view has it.
-    return math.sqrt(np.nan_to_num(ways2, nan=np.inf).min(initial=np.inf))
+    corners_px = camera.project(corners @ rotations[:, :, :2].transpose(0, 2, 1) + places[:, None])
+    squares = np.sum((corners_px[1:] - corners_px[0]) ** 2, axis=-1).mean(axis=-1)
+    # A corner that no pixel sees is at no distance from any other.
+    return math.sqrt(np.nan_to_num(squares, nan=np.inf).min(initial=np.inf))
 
 
 def poses_of(fit: JointFit) -> Array:
     """Return the poses (V, 12) of a fit's views, in board units."""
-    pairs = zip(fit.views, fit.poses, strict=True)
-    return rows_of([view.pose_from_row(row) for view, row in pairs])
+    poses = fit.poses.copy()
+    for row, view in zip(poses, fit.views, strict=True):
+        observation = view.observation
+        row[TRANSLATION:] = observation.board_size * row[TRANSLATION:]
+        row[TRANSLATION:] -= row[:TRANSLATION].reshape(3, 3)[:, :2] @ observation.board_mean
+    return poses
 
 
-def rows_of(poses: Sequence[Pose]) -> Array:
-    """Return the numbers (V, 12) of poses: rotations, row by row, and translations."""
-    rows = [np.concatenate([pose.rotation.ravel(), pose.translation]) for pose in poses]
-    return np.array(rows).reshape(-1, POSE_SIZE)
+def row_of(pose: Pose) -> Array:
+    """Return the numbers (12,) of a pose: the rotation row by row, and the translation."""
+    return np.concatenate([pose.rotation.ravel(), pose.translation])
 
 
 @jit
-def nearest(corners: Array, poses: Array, k: float) -> float:
+def _nearest(corners: Array, poses: Array, k: float) -> float:
     """
-    Return the mean square of the corners' ways from the first pose (12,) to the nearest other.
+    Return the mean squared distance of the corners from the first pose (12,) to the nearest other.
 
-    Of a lens of one parameter, in squares of its focal length; infinite where there is no other,
-    or each has a corner where no pixel sees it.
+    For a lens with one term, in squares of its focal length; infinite if there is no other pose,
+    or each has a corner that no pixel sees.
     """
     best = math.inf
     for v in range(1, len(poses)):
         total = 0.0
         for i in range(len(corners)):
-            x, y = _seen(poses[0], corners[i, 0], corners[i, 1], k)
-            x_there, y_there = _seen(poses[v], corners[i, 0], corners[i, 1], k)
+            x, y = _project(poses[0], corners[i, 0], corners[i, 1], k)
+            x_there, y_there = _project(poses[v], corners[i, 0], corners[i, 1], k)
             total += (x_there - x) ** 2 + (y_there - y) ** 2
         if total < best:
             best = total
@@ -84,7 +85,7 @@ def nearest(corners: Array, poses: Array, k: float) -> float:
 
 
 @kernel
-def _seen(pose: Array, bx: float, by: float, k: float) -> tuple[float, float]:
+def _project(pose: Array, bx: float, by: float, k: float) -> tuple[float, float]:
     x = pose[0] * bx + pose[1] * by + pose[TRANSLATION]
     y = pose[3] * bx + pose[4] * by + pose[TRANSLATION + 1]
     z = pose[6] * bx + pose[7] * by + pose[TRANSLATION + 2]
@@ -92,22 +93,22 @@ def _seen(pose: Array, bx: float, by: float, k: float) -> tuple[float, float]:
     return s * x, s * y
 
 
-def least_telling(fit: JointFit, told_anew: Array) -> int | None:
+def least_informative(fit: JointFit, new: Array) -> int | None:
     """
-    Return which of a fit's views to give up for a new one; None: the new one is not worth it.
+    Return which of a fit's views to drop for a new one; None: the new one is not worth it.
 
-    told_anew (6, 6), px², is what the new one tells of the lens. What is left must have the
-    largest determinant of its information: the smallest volume of uncertainty.
+    new (6, 6), px², is the new view's information about the lens. The remaining views have the
+    largest determinant of the information: the smallest volume of uncertainty.
     """
     free = slice(K + fit.order)
-    told = np.concatenate([fit.told, told_anew[None]])[:, free, free]
-    volumes = _log_volumes(fit.prior[free, free] + told.sum(axis=0) - told)
+    information = np.concatenate([fit.information, new[None]])[:, free, free]
+    volumes = _log_volumes(fit.prior[free, free] + information.sum(axis=0) - information)
     best = int(np.argmax(volumes))
     return best if volumes[best] > volumes[-1] + _WORTH_A_PLACE else None
 
 
 def is_worth_a_fit(fit: JointFit, information: Array) -> bool:
-    """Say whether so much more information (6, 6), px², is worth fitting again."""
+    """Return whether additional information (6, 6), px², is worth another fit."""
     free = slice(K + fit.order)
     before = fit.equations[free, free]
     before, after = _log_volumes(np.array([before, before + information[free, free]]))
@@ -122,9 +123,10 @@ def _log_volumes(information: Array) -> Array:
     return positive
 
 
-def tells_focal(seen: SeenByFit, common: Knowledge) -> bool:
-    """Say whether a view alone tells the focal length of a camera of which no more is known."""
-    told = seen.told + common.weighed(seen.fit.variance).information
-    free = K + seen.fit.order
-    variance = seen.fit.variance * inverse_of(told[:free, :free])[FOCAL, FOCAL]
-    return bool(variance < (_TOLD * seen.fit.lens[FOCAL]) ** 2)
+def determines_focal(by_fit: ViewByFit, typical: LensPrior) -> bool:
+    """Return whether a view alone determines the focal length of a typical camera."""
+    fit = by_fit.fit
+    information = by_fit.information + typical.weighted(fit.variance).information
+    free = K + fit.order
+    inverse = inverse_of_information(information[:free, :free])
+    return bool(fit.variance * inverse[FOCAL, FOCAL] < (_DETERMINED * fit.lens[FOCAL]) ** 2)

@@ -1,44 +1,55 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``SelfCalibration``: the camera from all its views of flat boards, while they come in."""
+"""``SelfCalibration``: the camera from its views of flat boards, one view at a time."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from .camera_estimate import CameraEstimate
-from .candidate import Sighting
-from .fused_answer import fused_answer
-from .keyframes import keyframes
-from .learning import Learning
-from .lone_answer import lone_answer
-from .results import CalibrationOptions, CalibrationState, Keyframe, Verdict
-from .view_by_fit import seen_by_fit
-from ..model.calibration_view import calibration_view
+from .candidate import Candidate
+from .change_detection import ChangeDetector
+from .joining import fit_candidates, with_lens_order, with_view
+from .joint_fit import fit_of_prior, fit_views, JointFit, keyframes_of
+from .progress import progress_of
+from .results import CalibrationOptions, CalibrationState, CameraEstimate, Keyframe, Verdict
+from .selection import determines_focal, distance_to_views_px, is_worth_a_fit, poses_of, row_of
+from .view_by_fit import estimate_by_fit, view_by_fit
+from ..geometry import Array, POSE_SIZE
+from ..model.lens import camera_from_lens
+from ..model.observation import image_center_px, observe
+from ..model.prior import calibrated_camera, LensPrior, typical_camera
+from ..model.uncertainty import DEFAULT_SIGMA_PX
 from ..one_view.results import EstimateOptions, PoseEstimate
+
+# A changed camera is as sharp as before: its noise variance is at most this multiple.
+_AS_SHARP = 4.0
+
+_NO_POSES = np.empty((0, POSE_SIZE))
 
 
 class SelfCalibration:
     """
-    Estimates one camera from its views, one at a time, and each view's pose by that camera.
+    Estimates one camera from its views, and each view's pose by that camera.
 
-    Focal length, centre and distortion are the camera's, a pose belongs to a view. A bounded set
-    of views is kept for what they tell of the camera, and all are fitted together. A view that
-    disagrees does not count; when views go on disagreeing, the camera has changed (zoom, focus),
-    and is started over.
+    Focal length, centre and distortion belong to the camera, a pose to a view. A bounded set of
+    keyframes is fitted together; other views are marginalised. A view that disagrees with the
+    camera is not used. If views go on disagreeing, the camera has changed (zoom, focus), and the
+    calibration restarts.
 
     Parameters
     ----------
     image_size
-        (width, height) of the full raw picture, px.
+        (width, height) of the full raw image, px.
     options
-        How to calibrate.
+        Options of the calibration.
     robust
-        How to search each view; its priors and its noise hold for the camera.
+        Options of each view's estimation; its priors and its noise are those of the camera.
 
     Raises
     ------
@@ -58,37 +69,52 @@ class SelfCalibration:
         if not (width > 0 and height > 0):
             raise ValueError(f'image_size must be positive, got {image_size}')
         self.image_size = (int(width), int(height))
-        self.options = options or CalibrationOptions()
-        self.robust = robust or EstimateOptions()
-        self._learning = Learning(self.image_size, self.options, self.robust)
+        self.options: CalibrationOptions = _checked('options', options, CalibrationOptions)
+        self.robust: EstimateOptions = _checked('robust', robust, EstimateOptions)
+        self._middle_px = image_center_px(self.image_size)
+        self._typical = _typical_camera(self.image_size, self.options, self.robust)
+        self._changes = ChangeDetector(self.options.outliers_to_restart)
+        # The prior with all marginalised views, and the one that the current fit was made with.
+        self._prior: LensPrior
+        self._fitted_prior: LensPrior
+        self._fit: JointFit
+        self._state: CalibrationState
+        self._fused: CameraEstimate | None
+        self._start(None)
+
+    def __repr__(self) -> str:
+        return (
+            f'SelfCalibration({self.image_size}, {self.state.name}, '
+            f'{len(self._fit.views)} keyframes, {self.fused})'
+        )
 
     def reset(self) -> None:
-        """Forget all views, and the camera."""
-        self._learning.start(None)
+        """Drop all views and the camera."""
+        self._start(None)
 
     def load(self, estimate: CameraEstimate) -> None:
-        """Start over from a camera that is known: an earlier calibration, say."""
-        self._learning.start(estimate)
+        """Restart from a camera that was calibrated earlier."""
+        self._start(estimate)
 
     @property
     def state(self) -> CalibrationState:
-        """How far the calibration is."""
-        return self._learning.state
+        """The progress of the calibration."""
+        return self._state
 
     @property
     def fused(self) -> CameraEstimate | None:
-        """The camera and how sure it is; None while ``state`` is UNCALIBRATED."""
-        return self._learning.fused
+        """The camera and its covariance; None while ``state`` is UNCALIBRATED."""
+        return self._fused
 
     @property
     def verdict(self) -> Verdict:
-        """What became of the last view."""
-        return self._learning.verdict
+        """What the calibration did with the last view."""
+        return self._verdict
 
     @property
     def views(self) -> tuple[Keyframe, ...]:
-        """The views that the camera is estimated from, oldest first."""
-        return keyframes(self._learning.fit)
+        """The keyframes that the camera is estimated from, oldest first."""
+        return keyframes_of(self._fit)
 
     def update(
         self,
@@ -125,34 +151,153 @@ class SelfCalibration:
             A wrong shape, or a number that is not finite.
 
         """
-        view = calibration_view(image_points, board_points, self.image_size, stamp)
-        candidate = self._learning.sighting(view)
+        observation = observe(image_points, board_points, stamp)
+        view = observation.centered(self._middle_px, self.image_size)
+        candidate = Candidate(view, self._fit, self._camera, self.image_size, self.robust)
         estimate = self._early_estimate(candidate) if on_pose else None
         if on_pose and estimate:
             on_pose(estimate)
-        self._learning.learn(candidate)
+        self._learn(candidate)
         if estimate is None:
             estimate = self._estimate(candidate)
             if on_pose:
                 on_pose(estimate)
         return estimate
 
-    def _early_estimate(self, candidate: Sighting) -> PoseEstimate | None:
+    def _early_estimate(self, candidate: Candidate) -> PoseEstimate | None:
         """Return the pose by the calibrated camera; None if there is none yet, or it disagrees."""
         if self.state is not CalibrationState.CALIBRATED or not candidate.agrees:
             return None
         assert candidate.by_fit is not None
-        return fused_answer(candidate.by_fit, candidate.known, self.robust.threshold_px)
+        return estimate_by_fit(candidate.by_fit, candidate.known, self.robust.threshold_px)
 
-    def _estimate(self, candidate: Sighting) -> PoseEstimate:
-        """Return the pose by the updated camera, if both agree."""
-        learning = self._learning
-        if learning.verdict is Verdict.OUTLIER:
-            return lone_answer(candidate, learning.common)
-        if learning.fused is None or learning.verdict is Verdict.NO_POSE:
+    def _estimate(self, candidate: Candidate) -> PoseEstimate:
+        """Return the pose by the updated camera, if the view agrees with it."""
+        if self._verdict is Verdict.OUTLIER:
+            return candidate.estimate_alone(self._typical)
+        if self._fused is None or self._verdict is Verdict.NO_POSE:
             return candidate.alone
-        seen, fit = candidate.by_fit, learning.fit
-        if seen is None or fit is not candidate.fit:
+        by_fit, fit = candidate.by_fit, self._fit
+        if by_fit is None or fit is not candidate.fit:
             is_last = bool(fit.views) and fit.views[-1] is candidate.view
-            seen = seen_by_fit(candidate.view, fit.poses[-1] if is_last else candidate.row, fit)
-        return fused_answer(seen, candidate.known_or_alone, self.robust.threshold_px)
+            by_fit = view_by_fit(candidate.view, fit.poses[-1] if is_last else candidate.row, fit)
+        return estimate_by_fit(by_fit, candidate.known_or_alone, self.robust.threshold_px)
+
+    def _start(self, loaded: CameraEstimate | None) -> None:
+        """Drop all views; start from a loaded camera, or from none."""
+        self._verdict = Verdict.NO_POSE
+        self._loaded = loaded
+        self._changes.clear()
+        self._last_poses = _NO_POSES
+        if loaded is None:
+            self._accept(fit_of_prior(self._typical, 1), self._typical)
+            return
+        camera, covariance = loaded.camera, loaded.covariance
+        prior = calibrated_camera(camera, covariance, loaded.views, self._middle_px, self._typical)
+        self._accept(fit_of_prior(prior, camera.order), prior)
+
+    def _learn(self, candidate: Candidate) -> None:
+        """Decide what to do with a view, the verdict, and update the camera with it."""
+        self._verdict = Verdict.NO_POSE
+        if candidate.agrees and not self._is_new(candidate, self._last_poses):
+            self._has_not_moved(candidate)
+        elif candidate.agrees and not self._is_new(candidate, self._poses):
+            self._agreed(candidate, Verdict.REDUNDANT)
+        elif candidate.explained:
+            joined = with_view(candidate, self._prior, self.options.max_views)
+            if joined is not None:
+                self._accept(*joined)
+                self._agreed(candidate, Verdict.USED)
+            elif candidate.agrees:
+                self._agreed(candidate, self._marginalise(candidate))
+            else:
+                self._disagreed(candidate)
+
+    def _has_not_moved(self, candidate: Candidate) -> None:
+        """Count a stationary board as one view, however long it is visible."""
+        self._verdict, by_fit = Verdict.REDUNDANT, candidate.by_fit
+        # It is evidence against single outliers in between, however.
+        if self._changes.any_disagreed and by_fit and determines_focal(by_fit, self._typical):
+            self._changes.drop_outlier()
+
+    def _marginalise(self, candidate: Candidate) -> Verdict:
+        """Add the information of a view that replaces no keyframe; fit again if it is enough."""
+        by_fit, fit = candidate.by_fit, self._fit
+        if by_fit is None:
+            return Verdict.REDUNDANT
+        prior = self._prior.marginalise(
+            by_fit.information, by_fit.gradient, fit.lens, fit.variance
+        )
+        self._prior = prior
+        more = fit.variance * (prior.information - self._fitted_prior.information)
+        if not is_worth_a_fit(fit, more):
+            return Verdict.REDUNDANT
+        sigma_px = self.robust.sigma_px
+        again = fit_views(fit.views, fit.poses, fit.lens, fit.order, prior, sigma_px)
+        self._accept(with_lens_order(again, prior, sigma_px), prior)
+        return Verdict.USED
+
+    def _is_new(self, candidate: Candidate, poses: Array) -> bool:
+        """Return whether the board of a view is in none of these poses (V, 12)."""
+        model = candidate.known.model
+        if model is None or not len(poses):
+            return True
+        away_px = distance_to_views_px(
+            candidate.view.observation.board_points, model.camera_from_board, poses, self._camera
+        )
+        return away_px > self.options.new_view * math.hypot(*self.image_size)
+
+    def _agreed(self, candidate: Candidate, verdict: Verdict) -> None:
+        self._verdict, by_fit = verdict, candidate.by_fit
+        if by_fit is None:
+            return
+        pose = candidate.view.observation.pose_from_row(by_fit.row)
+        self._last_poses = row_of(pose)[None]
+        # A fronto-parallel view agrees with any focal length.
+        if determines_focal(by_fit, self._typical):
+            self._changes.add(candidate, agrees=True)
+            self._restart_if_changed()
+
+    def _disagreed(self, candidate: Candidate) -> None:
+        self._verdict = Verdict.OUTLIER
+        self._changes.add(candidate, agrees=False)
+        self._restart_if_changed()
+
+    def _restart_if_changed(self) -> None:
+        evidence = self._changes.evidence(self._fit, self._typical)
+        if not evidence:
+            return
+        fit = fit_candidates(evidence, self._typical)
+        as_sharp = fit.variance < max(_AS_SHARP * self._fit.variance, DEFAULT_SIGMA_PX**2)
+        if as_sharp or self._changes.unanimous:
+            self._start(None)
+            self._accept(fit, self._typical)
+            self._verdict = Verdict.RESTARTED
+
+    def _accept(self, fit: JointFit, prior: LensPrior) -> None:
+        """Make a fit the current one, with the prior that it was made with."""
+        self._prior = self._fitted_prior = prior
+        self._fit, self._camera = fit, camera_from_lens(fit.lens, self._middle_px)
+        self._poses = poses_of(fit)
+        self._state, self._fused = progress_of(
+            fit, self._camera, prior.views, self.image_size, self.options, self._loaded
+        )
+
+
+def _typical_camera(
+    image_size: tuple[int, int], options: CalibrationOptions, robust: EstimateOptions
+) -> LensPrior:
+    focal = None
+    if robust.prior_focal_px is not None and robust.prior_focal_sigma_px is not None:
+        focal = robust.prior_focal_px, robust.prior_focal_sigma_px
+    k = robust.prior_k, robust.prior_k_sigma
+    return typical_camera(image_size, options.center_spread, focal, k)
+
+
+def _checked(name: str, given: Any, kind: type[Any]) -> Any:
+    """Return an options object, by default a new one; raise a TypeError for another type."""
+    if given is None:
+        return kind()
+    if not isinstance(given, kind):
+        raise TypeError(f'{name} must be {kind.__name__}, got {type(given).__name__}')
+    return given

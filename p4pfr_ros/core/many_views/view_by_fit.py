@@ -1,42 +1,52 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A view through the camera of a joint fit: what it tells of that, and how sure its pose is."""
+"""One view by the camera of a joint fit: its information about the lens, and its pose estimate."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+import math
 
 import numpy as np
 
-from .bundle import Bundle, view_block
-from .fused_covariance import fused_covariance
-from .joint_fit import JointFit
+from .bundle_adjustment import StackedViews, view_block
+from .joint_fit import JointFit, stacked_views
 from ..geometry import Array
 from ..jit import jit
-from ..model.calibration_view import bundle_of, CalibrationView
-from ..model.lens import COLUMNS, POSE_COLUMNS, RESIDUAL, squared_error
-from ..model.prior import inverse_of
-from ..model.uncertainty import noise_variance
-from ..one_view.problem import POSE_AND_CAMERA
+from ..linalg import inverse_of_information
+from ..minimal.solution import Solution
+from ..model.lens import (
+    camera_from_lens,
+    COLUMNS,
+    FOCAL,
+    K,
+    LENS_SIZE,
+    POSE_COLUMNS,
+    RESIDUAL,
+    squared_error,
+)
+from ..model.observation import CenteredView
+from ..model.uncertainty import COVARIANCE_SIZE, noise_variance, pose_to_public
+from ..one_view.results import mark_undetermined, observability_of, PoseEstimate, Status
 
-# A view whose own noise is this many times the variance of all views' is believed: it is blurred.
+# A view's own noise is used if it is this many times the common variance: the view is blurred.
 _NOISIER = 2.0
 _ENOUGH_TO_SPARE = 20
 
 
 @dataclass(frozen=True, eq=False)
-class SeenByFit:
+class ViewByFit:
     """
-    A view through the camera of a joint fit.
+    A view by the camera of a joint fit.
 
-    row (12,), the pose of the scaled board; squares (N,), the squared errors, px²; inliers, how
-    many of them are within the fit's limit, and inlier_squares, their sum; block (13, 13), the
+    row (12,), the pose of the scaled board; squares (N,), the squared errors, px²; inliers, the
+    number of them within the fit's limit, and inlier_squares, their sum; block (13, 13), the
     normal equations by pose and lens.
     """
 
-    view: CalibrationView
+    view: CenteredView
     fit: JointFit
     row: Array
     squares: Array
@@ -46,37 +56,35 @@ class SeenByFit:
 
     @property
     def cost(self) -> float:
-        """The sum of the squared errors, each cut off at the fit's limit, px²."""
+        """The sum of the squared errors, each truncated at the fit's limit, px²."""
         return self.inlier_squares + (len(self.view) - self.inliers) * self.fit.limit
 
     @cached_property
-    def told(self) -> Array:
-        """What the view tells of the lens, (6, 6), px², its pose not known."""
+    def information(self) -> Array:
+        """The information (6, 6) about the lens, px², the pose eliminated."""
         across, by_lens = self._parts()
         information: Array = by_lens - across.T @ self._inverse @ across
         return 0.5 * (information + information.T)
 
     @cached_property
-    def pull(self) -> Array:
-        """Where the view would have the lens go, its pose following: (6,), px²."""
+    def gradient(self) -> Array:
+        """The negative gradient (6,) by the lens, px², the pose eliminated."""
         across, _ = self._parts()
         by_residual = self.block[:RESIDUAL, RESIDUAL]
         at_pose = self._inverse @ by_residual[:POSE_COLUMNS]
-        gradient: Array = by_residual[POSE_COLUMNS:] - across.T @ at_pose
-        return -gradient
+        negative: Array = across.T @ at_pose - by_residual[POSE_COLUMNS:]
+        return negative
 
     def covariance(self) -> Array:
         """Return the covariance (8, 8) of pose, focal length and k, in the caller's units."""
-        scaled = self.view.scaled
-        board = (*scaled.board_mean.tolist(), scaled.board_size)
-        covariance = np.empty((POSE_AND_CAMERA, POSE_AND_CAMERA))
-        fused_covariance(
+        covariance = np.empty((COVARIANCE_SIZE, COVARIANCE_SIZE))
+        pose_covariance(
             self.block,
             self._inverse,
             self.fit.covariance,
             self._noise(),
             self.row,
-            board,
+            self.view.observation.board_scale,
             covariance,
         )
         return covariance
@@ -84,7 +92,7 @@ class SeenByFit:
     @cached_property
     def _inverse(self) -> Array:
         """C⁻¹, of the pose's part of the block."""
-        return inverse_of(self.block[:POSE_COLUMNS, :POSE_COLUMNS])
+        return inverse_of_information(self.block[:POSE_COLUMNS, :POSE_COLUMNS])
 
     def _parts(self) -> tuple[Array, Array]:
         """Return B and A of the block."""
@@ -101,18 +109,18 @@ class SeenByFit:
         return own if own > _NOISIER * self.fit.variance else common
 
 
-def seen_by_fit(view: CalibrationView, row: Array, fit: JointFit) -> SeenByFit:
-    """Look at a view, its pose (12,) given, through the fit's camera."""
+def view_by_fit(view: CenteredView, row: Array, fit: JointFit) -> ViewByFit:
+    """Evaluate a view with a given pose (12,) by the fit's camera."""
     squares, block = np.empty(len(view)), np.empty((COLUMNS, COLUMNS))
-    inliers, total = _look(bundle_of([view]), row, fit.lens, fit.limit, squares, block)
-    return SeenByFit(view, fit, row, squares, inliers, total, block)
+    inliers, total = _evaluate(stacked_views([view]), row, fit.lens, fit.limit, squares, block)
+    return ViewByFit(view, fit, row, squares, inliers, total, block)
 
 
 @jit
-def _look(
-    points: Bundle, row: Array, lens: Array, limit: float, squares: Array, block: Array
+def _evaluate(
+    points: StackedViews, row: Array, lens: Array, limit: float, squares: Array, block: Array
 ) -> tuple[int, float]:
-    """Write the squared errors and the block of a view; return its inliers, and their sum."""
+    """Write a view's squared errors and block; return the number of inliers and their sum."""
     view_block(points, 0, row, lens, limit, np.empty((2, COLUMNS)), block)
     inliers, total = 0, 0.0
     for i in range(len(squares)):
@@ -122,3 +130,80 @@ def _look(
             inliers += 1
             total += squares[i]
     return inliers, total
+
+
+def estimate_by_fit(
+    evaluated: ViewByFit, known: PoseEstimate, threshold_px: float
+) -> PoseEstimate:
+    """
+    Return the result of a view by a fit's camera.
+
+    known: the estimate by that camera or one close to it, which has the alternatives.
+    """
+    view = evaluated.view
+    camera = camera_from_lens(evaluated.fit.lens, view.center_px)
+    pose = view.observation.pose_from_row(evaluated.row)
+    covariance = evaluated.covariance()
+    observable = observability_of(camera.focal_px, pose.translation, covariance, view.corner_px)
+    inliers = evaluated.squares < threshold_px**2
+    status = known.status
+    if observable.undetermined:
+        status = Status.UNDETERMINED
+    elif status is Status.UNDETERMINED:
+        status = Status.CONFIDENT
+    return replace(
+        known,
+        model=Solution(camera, pose),
+        status=status,
+        inliers=inliers,
+        rms_px=math.sqrt(evaluated.squares[inliers].mean()) if inliers.any() else math.nan,
+        covariance=mark_undetermined(covariance, observable),
+        alternatives=tuple(Solution(camera, s.camera_from_board) for s in known.alternatives),
+        observable=observable,
+    )
+
+
+@jit
+def pose_covariance(
+    block: Array,
+    inverse: Array,
+    of_lens: Array,
+    noise: float,
+    row: Array,
+    board: tuple[float, float, float],
+    covariance: Array,
+) -> None:
+    """
+    Write the (8, 8) covariance of x, y, z, rotation x, y, z, focal_px, k.
+
+    block (13, 13): a view's normal equations by pose and lens; inverse (6, 6): C⁻¹ of the pose;
+    of_lens (6, 6): the covariance of the lens; noise: the variance of a coordinate, px²; row
+    (12,): the pose of the scaled board; board: the mean (x, y) subtracted from the board's points
+    (board units), and the size that divided them.
+    """
+    # The pose follows the lens,  δ = F dθ,  F = -C⁻¹ B,  and has its own noise in addition:
+    #     cov(δ) = σ² C⁻¹ + F Λ Fᵀ,     cov(δ, θ) = F Λ.
+    n = POSE_COLUMNS
+    follows, with_lens = np.zeros((n, LENS_SIZE)), np.zeros((n, LENS_SIZE))
+    for a in range(n):
+        for j in range(LENS_SIZE):
+            for b in range(n):
+                follows[a, j] -= inverse[a, b] * block[b, n + j]
+    for a in range(n):
+        for j in range(LENS_SIZE):
+            for i in range(LENS_SIZE):
+                with_lens[a, j] += follows[a, i] * of_lens[i, j]
+    for a in range(n):
+        for b in range(n):
+            covariance[a, b] = noise * inverse[a, b]
+            for j in range(LENS_SIZE):
+                covariance[a, b] += with_lens[a, j] * follows[b, j]
+        for at, j in ((n, FOCAL), (n + 1, K)):
+            covariance[a, at] = covariance[at, a] = with_lens[a, j]
+    for at, i in ((n, FOCAL), (n + 1, K)):
+        covariance[at, n] = of_lens[i, FOCAL]
+        covariance[at, n + 1] = of_lens[i, K]
+    for j in range(n + 2):
+        pose_to_public(covariance[:, j], row, board)
+    for j in range(n + 2):
+        pose_to_public(covariance[j, :], row, board)

@@ -2,16 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Four depths, seen before anything else: the cone of λ > 0.
+The possible depths of the four points: the cone of λ > 0.
 
 The projection λᵢ (xᵢ, yᵢ, 1 + k rᵢ²) = P (Xᵢ, Yᵢ, 1) is linear in P, and four points of a plane
-obey Σ mᵢ (Xᵢ, Yᵢ, 1) = 0 with weights m that the board alone fixes. So the pose drops out:
+obey Σ mᵢ (Xᵢ, Yᵢ, 1) = 0 with weights m that depend on the board alone. This eliminates the pose:
 
     Σ mᵢ λᵢ (xᵢ, yᵢ, 1 + k rᵢ²) = 0.
 
-Its first two rows do not hold k: with vᵢ = mᵢ (xᵢ, yᵢ) they are Σ λᵢ vᵢ = 0, two equations in
+Its first two rows do not contain k: with vᵢ = mᵢ (xᵢ, yᵢ) they are Σ λᵢ vᵢ = 0, two equations in
 four depths. Their non-negative solutions are a cone with two extreme rays a and b, and every
-physical solution is λ = (1 - τ) a + τ b with 0 < τ < 1. No cone: no solution, at little cost.
+physical solution is λ = (1 - τ) a + τ b with 0 < τ < 1. Without a cone there is no solution.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from __future__ import annotations
 from ..geometry import Array
 from ..jit import kernel
 
-# What rounding leaves of a product whose true value is zero, as a multiple of the sizes of its
-# factors. The image points are differences (pixel minus centre): each carries an error of ε
-# times the image's size, not of its own, and 1e-14 is some fifty times that.
+# The rounding error of a product whose true value is zero, relative to the sizes of its factors.
+# The image points are differences (pixel minus centre): each has an error of ε times the image's
+# size, not its own, and 1e-14 is some fifty times that.
 _ROUNDING = 1e-14
 
-# Rays closer than this (in the sum of absolute differences; each ray sums to 1) leave no inside.
+# Rays closer than this (sum of absolute differences; each ray sums to 1) enclose no cone.
 _MIN_OPENING = 1e-12
 
 
 @kernel
 def depth_cone(image: Array, radius: Array, m: Array, plane: Array, rays: Array) -> bool:
     """
-    Find the extreme rays of {λ ≥ 0, Σ λᵢ mᵢ (xᵢ, yᵢ) = 0}; False: there is no cone.
+    Find the extreme rays of {λ ≥ 0, Σ λᵢ mᵢ (xᵢ, yᵢ) = 0}; return False if there is no cone.
 
-    image (4, 2) is scaled so that the farthest point has radius 1; ``plane`` (4, 4) is room to
-    work in, and ``rays`` (2, 4) gets a and b, each summing to 1.
+    image (4, 2) is scaled so that the farthest point has radius 1; ``plane`` (4, 4) is workspace,
+    and a and b, each summing to 1, are written to ``rays`` (2, 4).
     """
     # All λ with Σ λᵢ vᵢ = 0 lie in a plane of R⁴. Its Plücker coordinates are the six cross
     # products of the v, and row l of the antisymmetric matrix of their duals,
@@ -63,8 +63,8 @@ def depth_cone(image: Array, radius: Array, m: Array, plane: Array, rays: Array)
             plane[l, k] = plane[l, k] / total if k != l else 0.0
             if found > 0:
                 apart += abs(plane[l, k] - rays[0, k])
-        # With a point at the centre, or three of the board on a line, three of the rows are one
-        # ray; take the pair that stands furthest apart.
+        # With a point at the centre, or three board points on a line, three of the rows are one
+        # ray; take the pair that is farthest apart.
         if found == 0 or apart > opening:
             which = 0 if found == 0 else 1
             opening = opening if found == 0 else apart
@@ -77,7 +77,7 @@ def depth_cone(image: Array, radius: Array, m: Array, plane: Array, rays: Array)
 @kernel
 def board_weights(board: Array, m: Array) -> bool:
     """
-    Write m (4,) with Σ mᵢ = 0, Σ mᵢ (Xᵢ, Yᵢ) = 0, the largest ±1; False for points on a line.
+    Write m (4,) with Σ mᵢ = 0, Σ mᵢ (Xᵢ, Yᵢ) = 0, the largest ±1; False for collinear points.
 
     mᵢ is, with alternating sign, the area of the triangle of the other three points.
     """
@@ -89,8 +89,8 @@ def board_weights(board: Array, m: Array) -> bool:
     m[2] = x1 * y3 - y1 * x3
     m[3] = y1 * x2 - x1 * y2
     largest = max(max(abs(m[0]), abs(m[1])), max(abs(m[2]), abs(m[3])))
-    # Rounding of the coordinates times a length is what an area of zero comes out as. Three
-    # points on a line: the fourth has no weight, and that area must not give it a sign.
+    # An area of zero is computed as the rounding of the coordinates times a length. With three
+    # points on a line the fourth has no weight, and rounding must not give it a sign.
     length = max(max(abs(x1), abs(y1)), max(max(abs(x2), abs(y2)), max(abs(x3), abs(y3))))
     rounding = _ROUNDING * length * (length + max(abs(board[0, 0]), abs(board[0, 1])))
     if not largest > rounding:
@@ -109,6 +109,6 @@ def _set_pair(plane: Array, row: int, column: int, value: float) -> None:
 
 @kernel
 def _cross(image: Array, radius: Array, i: int, j: int) -> float:
-    """Cross product; exactly zero where it is zero but for rounding (one ray, or the centre)."""
+    """Return the cross product, exactly zero if it is so to rounding (one ray, the centre)."""
     value: float = image[i, 0] * image[j, 1] - image[i, 1] * image[j, 0]
     return value if abs(value) > _ROUNDING * (radius[i] + radius[j]) else 0.0

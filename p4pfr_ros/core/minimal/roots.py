@@ -1,33 +1,65 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The roots of the sextic that may be a camera's: isolated by Descartes' rule, found by Newton."""
+"""
+The roots of the sextic that may be a camera's: isolated by Descartes' rule, found by Newton.
+
+Intervals carry the sextic's Bernstein coefficients. Splitting an interval splits its coefficients
+cheaply by de Casteljau's scheme, but leaves them with the rounding error of the whole. If a
+coefficient has become so small that rounding could have changed its sign, the coefficients of both
+parts are computed again from the factors (see ``sextic``).
+"""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from .intervals import HIGH, LOW, push_anew, signs_of, split_interval, top
-from .sextic import evaluate, Factors
+from .sextic import coefficients, evaluate, Factors, Seven
 from ..geometry import Array
 from ..jit import kernel
 
 MAX_ROOTS = 6
 
-# An interval this short with two roots or more left holds a multiple root, to rounding.
+# A shorter interval with two roots or more holds a multiple root, to rounding.
 _SHORTEST = 1e-13
 
-# Where the sextic is zero throughout (nothing to observe), rounding gives it signs at every depth.
+# If the sextic vanishes everywhere (unobservable), rounding gives it signs at every depth.
 _MAX_INTERVALS = 600
 
-# An interval is split where its roots seem to lie apart, but not closer to its ends than this.
+# An interval is split between its roots, but no closer to its ends than this share.
 _MARGIN = 0.05
 
-# Newton's method, kept inside its bracket, needs some four steps. It is over when a step is lost
-# in rounding, or is so small and yet no smaller than the one before that it must be rounding.
+# Newton's method inside its bracket needs some four steps. It ends if a step is lost in rounding,
+# or is small and yet no smaller than the one before.
 _MAX_NEWTON_STEPS = 64
 _TAU_ROUNDING = 3e-16
 _TAU_SMALL = 1e-9
+
+# A coefficient below this share of the largest one that de Casteljau's scheme began with may have
+# any sign: the scheme's rounding is some 1e-15 of that.
+_SIGNLESS = 1e-10
+
+# An interval on the stack: its ends, the largest coefficient of the interval that it was split
+# from, and its own coefficients. Depth first: one part of each split waits.
+STACK_SHAPE = (1024, 10)
+_LOW, _HIGH, _SIZE, _FIRST = 0, 1, 2, 3
+
+
+class _Signs(NamedTuple):
+    """
+    The sign changes of an interval's Bernstein coefficients.
+
+    Descartes: no variation means no root inside, one means exactly one, more are an upper bound.
+    first and second are the zero crossings of the coefficients' polygon, as shares of the
+    interval; rising: the direction of the first crossing.
+    """
+
+    variations: int
+    first: float
+    second: float
+    rising: bool
+    zero_at_high: bool
 
 
 @kernel
@@ -35,8 +67,8 @@ def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> i
     """
     Write the roots in (0, 1) that may be a camera's to ``roots`` (6,); return their number.
 
-    A camera's have f² > 0, and k below max_bend, which may be infinite. ``stack`` (STACK_SHAPE)
-    is room for intervals.
+    A camera's roots have f² > 0, and k below max_bend, which may be infinite. ``stack``
+    (STACK_SHAPE) is workspace for intervals.
     """
     found = 0
     waiting = _bounded_bend(f, max_bend, stack)
@@ -44,14 +76,14 @@ def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> i
         if waiting == 0:
             break
         waiting -= 1
-        low, high = stack[waiting, LOW], stack[waiting, HIGH]
-        signs = signs_of(top(stack, waiting))
+        low, high = stack[waiting, _LOW], stack[waiting, _HIGH]
+        signs = _signs_of(_top(stack, waiting))
         if signs.variations > 1 and high - low >= _SHORTEST:
-            # Between two roots, or near the second of more: the fewest intervals, by trial.
+            # Between two roots, or near the second of more: fewest intervals in trials.
             two = signs.variations == 2
             share = 0.5 * (signs.first + signs.second) if two else signs.second
             share = min(max(share, _MARGIN), 1.0 - _MARGIN)
-            split_interval(f, share, stack, waiting)
+            _split_interval(f, share, stack, waiting)
             waiting += 2
             continue
         if signs.variations == 1:
@@ -61,7 +93,7 @@ def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> i
         elif signs.variations > 1:
             middle = 0.5 * (low + high)
             found = _keep(middle, evaluate(f, middle).re, roots, found)
-        # A root where an interval was split, as symmetric boards have it, shows in neither part.
+        # A root at a split point, as symmetric boards have, appears in neither part.
         if signs.zero_at_high and high < 1.0:
             found = _keep(high, evaluate(f, high).re, roots, found)
     return found
@@ -69,7 +101,7 @@ def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> i
 
 @kernel
 def _keep(tau: float, re: float, roots: Array, found: int) -> int:
-    """Append a root where f² > 0, which asks for Re(q z̄²) < 0; return the new number."""
+    """Append a root if f² > 0, that is, Re(q z̄²) < 0; return the new number."""
     if found < MAX_ROOTS and re < 0.0:
         roots[found] = tau
         return found + 1
@@ -80,7 +112,7 @@ def _keep(tau: float, re: float, roots: Array, found: int) -> int:
 def _bounded_bend(f: Factors, max_bend: float, stack: Array) -> int:
     """Write the parts of (0, 1) where k < max_bend, the first on top; return their number."""
     if max_bend == math.inf:
-        push_anew(f, 0.0, 1.0, stack, 0)
+        _push_anew(f, 0.0, 1.0, stack, 0)
         return 1
     # k = -n/d < B  where  e = n + B d  and d have one sign. Both are linear: three parts at most.
     e0, e1 = f.n0 + max_bend * f.d0, f.n1 + max_bend * f.d1
@@ -93,7 +125,7 @@ def _bounded_bend(f: Factors, max_bend: float, stack: Array) -> int:
         d = (1.0 - middle) * f.d0 + middle * f.d1
         e = (1.0 - middle) * e0 + middle * e1
         if low < high and d * e > 0.0:
-            push_anew(f, low, high, stack, waiting)
+            _push_anew(f, low, high, stack, waiting)
             waiting += 1
         high = low
     return waiting
@@ -104,9 +136,9 @@ def _bracketed_newton(
     f: Factors, low: float, high: float, tau: float, rising: bool
 ) -> tuple[float, float]:
     """
-    Find the one root between low and high from a guess: Newton, bisection where it leaves.
+    Find the one root between low and high: Newton's method, bisection if a step leaves them.
 
-    Returned are the root and Re(q z̄²) there, or a step's rounding away.
+    Return the root and Re(q z̄²) there, to the rounding of a step.
     """
     before = high - low
     value = evaluate(f, tau)
@@ -119,8 +151,8 @@ def _bracketed_newton(
         size = abs(step)
         if size <= _TAU_ROUNDING or (size < _TAU_SMALL and size > 0.9 * before):
             break
-        # Convergence is quadratic: the next step would be about size (size / before)². A longer
-        # step than a small one may yet find that there is another root close by.
+        # Convergence is quadratic: the next step would be about size (size / before)². Only for
+        # small steps: after a longer one another root may be close.
         last = size < _TAU_SMALL and size * size * size <= _TAU_ROUNDING * before * before
         before = size
         tau += step
@@ -130,3 +162,124 @@ def _bracketed_newton(
             break
         value = evaluate(f, tau)
     return tau, value.re
+
+
+@kernel
+def _signs_of(c: Seven) -> _Signs:
+    """Count the sign changes, and find the polygon's first two zero crossings."""
+    zero_at_high = c[6] == 0.0
+    if c[0] * c[1] * c[2] == 0.0 or c[3] * c[4] * c[5] == 0.0 or zero_at_high:
+        c = _zeros_filled(c)
+    # Without branches, which no processor could predict here.
+    variations = (
+        int((c[0] < 0.0) != (c[1] < 0.0))
+        + int((c[1] < 0.0) != (c[2] < 0.0))
+        + int((c[2] < 0.0) != (c[3] < 0.0))
+        + int((c[3] < 0.0) != (c[4] < 0.0))
+        + int((c[4] < 0.0) != (c[5] < 0.0))
+        + int((c[5] < 0.0) != (c[6] < 0.0))
+    )
+    if variations == 0:
+        return _Signs(0, 0.5, 0.5, False, zero_at_high)
+    first, after = _crossing(c, 0)
+    if variations == 1:
+        return _Signs(1, first, 0.5, c[0] < 0.0, zero_at_high)
+    second, _ = _crossing(c, after)
+    return _Signs(variations, first, second, c[0] < 0.0, zero_at_high)
+
+
+@kernel
+def _crossing(c: Seven, start: int) -> tuple[float, int]:
+    """Return the polygon's first zero crossing from a corner on, and the corner after it."""
+    for i in range(start, 6):
+        if (c[i] < 0.0) != (c[i + 1] < 0.0):
+            return (i + c[i] / (c[i] - c[i + 1])) / 6.0, i + 1
+    return 0.5, 6
+
+
+@kernel
+def _zeros_filled(c: Seven) -> Seven:
+    """Replace zeros by the value before them, or else the first nonzero one: they have no sign."""
+    last = 0.0
+    for i in range(6, -1, -1):
+        if c[i] != 0.0:
+            last = c[i]
+    c0 = last
+    c1 = c[1] if c[1] != 0.0 else c0
+    c2 = c[2] if c[2] != 0.0 else c1
+    c3 = c[3] if c[3] != 0.0 else c2
+    c4 = c[4] if c[4] != 0.0 else c3
+    c5 = c[5] if c[5] != 0.0 else c4
+    c6 = c[6] if c[6] != 0.0 else c5
+    return c0, c1, c2, c3, c4, c5, c6
+
+
+@kernel
+def _top(stack: Array, at: int) -> Seven:
+    """Return an interval's coefficients."""
+    return (
+        stack[at, _FIRST],
+        stack[at, _FIRST + 1],
+        stack[at, _FIRST + 2],
+        stack[at, _FIRST + 3],
+        stack[at, _FIRST + 4],
+        stack[at, _FIRST + 5],
+        stack[at, _FIRST + 6],
+    )
+
+
+@kernel
+def _push(low: float, high: float, size: float, c: Seven, stack: Array, at: int) -> None:
+    stack[at, _LOW], stack[at, _HIGH], stack[at, _SIZE] = low, high, size
+    for i in range(7):
+        stack[at, _FIRST + i] = c[i]
+
+
+@kernel
+def _push_anew(f: Factors, low: float, high: float, stack: Array, at: int) -> None:
+    """Push an interval, its coefficients computed from the factors."""
+    c = coefficients(f, low, high)
+    largest = max(max(abs(c[0]), abs(c[1])), max(abs(c[2]), abs(c[3])))
+    largest = max(max(largest, abs(c[4])), max(abs(c[5]), abs(c[6])))
+    _push(low, high, largest, c, stack, at)
+
+
+@kernel
+def _split_interval(f: Factors, share: float, stack: Array, at: int) -> None:
+    """Replace the interval at ``at`` by its right part, and push its left part above it."""
+    low, high, size = stack[at, _LOW], stack[at, _HIGH], stack[at, _SIZE]
+    middle = low + (high - low) * share
+    left, right = _de_casteljau(_top(stack, at), share)
+    if _sign_lost(left, size) or _sign_lost(right, size):
+        # Both or neither: they must agree on the sign in the middle.
+        _push_anew(f, middle, high, stack, at)
+        _push_anew(f, low, middle, stack, at + 1)
+    else:
+        _push(middle, high, size, right, stack, at)
+        _push(low, middle, size, left, stack, at + 1)
+
+
+@kernel
+def _sign_lost(c: Seven, size: float) -> bool:
+    """Return whether rounding may have changed the sign of a nonzero coefficient."""
+    bound = _SIGNLESS * size
+    lost = 0
+    for i in range(7):
+        lost += int(c[i] != 0.0) & int(abs(c[i]) < bound)
+    return lost > 0
+
+
+@kernel
+def _de_casteljau(c: Seven, t: float) -> tuple[Seven, Seven]:
+    """Return the coefficients of both parts of an interval split at the share t."""
+    s = 1.0 - t
+    c00, c01, c02, c03, c04, c05, c06 = c
+    c10, c11, c12 = s * c00 + t * c01, s * c01 + t * c02, s * c02 + t * c03
+    c13, c14, c15 = s * c03 + t * c04, s * c04 + t * c05, s * c05 + t * c06
+    c20, c21, c22 = s * c10 + t * c11, s * c11 + t * c12, s * c12 + t * c13
+    c23, c24 = s * c13 + t * c14, s * c14 + t * c15
+    c30, c31, c32, c33 = s * c20 + t * c21, s * c21 + t * c22, s * c22 + t * c23, s * c23 + t * c24
+    c40, c41, c42 = s * c30 + t * c31, s * c31 + t * c32, s * c32 + t * c33
+    c50, c51 = s * c40 + t * c41, s * c41 + t * c42
+    c60 = s * c50 + t * c51
+    return (c00, c10, c20, c30, c40, c50, c60), (c60, c51, c42, c33, c24, c15, c06)

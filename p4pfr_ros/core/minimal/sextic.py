@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The sextic of planar P4Pfr: its factors, its values and its roots in (0, 1).
+The sextic of planar P4Pfr: its factors, its values and its Bernstein coefficients.
 
-With λ = (1 - τ) a + τ b from the depth cone, all that follows is made of six functions that are
-*linear* in τ, four complex and two real (ξ = x + i y; c is the board's, see ``board_duals``):
+With λ = (1 - τ) a + τ b from the depth cone, everything is built from six functions *linear* in τ,
+four complex and two real (ξ = x + i y; c is the board's, see ``board_duals``):
 
     u = Σ λᵢ ξᵢ cᵢ     v = Σ λᵢ ξ̄ᵢ cᵢ     l = Σ λᵢ cᵢ     p = Σ λᵢ rᵢ² cᵢ
     n = Σ λᵢ mᵢ        d = Σ λᵢ mᵢ rᵢ²
@@ -20,10 +20,9 @@ orthogonal and of one length exactly when the sum of their squares, as complex n
 f² is real, so q and z² are parallel:  S = Im(q z̄²) = 0, of degree 6, and f² = -d² Re(q z̄²)/|z|⁴.
 
 Near fronto-parallel views v and z are both small at the root, and S has a cluster of roots there
-that its expanded coefficients cannot tell apart: the digits are lost in forming them. The factors
-are linear, so restricting *them* to an interval, and then forming its Bernstein coefficients,
-keeps their relative accuracy however small the interval is: ``intervals`` does so where digits
-run out.
+that its expanded coefficients cannot separate: forming them loses the digits. The factors are
+linear, so restricting *them* to an interval and then forming its Bernstein coefficients keeps the
+relative accuracy however small the interval is: ``roots`` does so if digits run out.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ class Factors(NamedTuple):
 
 
 class Value(NamedTuple):
-    """What the factors make of one τ."""
+    """The sextic and its parts at one τ."""
 
     sextic: float
     slope: float
@@ -117,7 +116,7 @@ def evaluate(f: Factors, tau: float) -> Value:
 @kernel
 def coefficients(f: Factors, low: float, high: float) -> Seven:
     """Return the sextic's Bernstein coefficients over an interval."""
-    # The factors' values at the interval's ends are all that changes with the interval.
+    # Only the factors' values at the ends depend on the interval.
     s, t = 1.0 - low, 1.0 - high
     u0, u1 = s * f.u0 + low * f.u1, t * f.u0 + high * f.u1
     v0, v1 = s * f.v0 + low * f.v1, t * f.v0 + high * f.v1

@@ -1,33 +1,32 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``Solution``, and the row of numbers that stands for one inside the kernels."""
+"""``Solution``, and the row of numbers that represents one inside the kernels."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from ..cameras.division import DivisionCamera
-from ..geometry import Array, Pose
+from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION
 
-# Places in a row: the rotation row by row, the translation, then g and h, where the pixel (x, y)
-# from the centre sees the ray (x, y, g + h r²): g is the focal length in px, and k = g h.
-TRANSLATION = 9
-G = 12
-H = 13
-ROW_SIZE = 14
+# A row: the pose's numbers (see geometry), then g and h. The pixel (x, y) from the centre sees the
+# ray (x, y, g + h r²): g is the focal length in px, and k = g h.
+G = POSE_SIZE
+H = G + 1
+ROW_SIZE = H + 1
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """A camera, and where it sees the board."""
+    """A camera, and the pose of the board in its frame (board units)."""
 
     camera: DivisionCamera
     camera_from_board: Pose
 
 
 def solution_from_row(row: Array, center_px: tuple[float, float]) -> Solution:
-    """Dress a kernel's row of numbers."""
+    """Return the solution of a kernel's row."""
     g, h = row[G:].tolist()
     camera = DivisionCamera.unchecked(g, center_px, h * g)
     pose = Pose.unchecked(row[:TRANSLATION].reshape(3, 3), row[TRANSLATION:G])

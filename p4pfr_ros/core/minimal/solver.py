@@ -4,18 +4,18 @@
 """
 Planar P4Pfr: pose, focal length and radial distortion from four points of a plane.
 
-The problem is Oskarsson's (arXiv:1805.10705); the way to its sextic, through the depths, is this
-project's own: ``cone`` (where the depths may lie), ``sextic`` (which of them fit), and here (the
-pose of each). docs/derivation.md has it whole.
+The problem is Oskarsson's (arXiv:1805.10705); the derivation of its sextic by way of the depths is
+this project's own: ``cone`` (the possible depths), ``sextic`` and ``roots`` (the depths that fit),
+``pose`` (the pose of each). docs/derivation.md has the whole derivation.
 
-What no method can see: a plane parallel to the image, a square centred on the axis and tilted
-about its own side or diagonal, and k when all four points have one distance from the centre.
+Unobservable for any method: a plane parallel to the image, a square centred on the axis and tilted
+about its own side or diagonal, and k if all four points have one distance from the centre.
 """
 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 import math
 from typing import NamedTuple
 
@@ -23,28 +23,34 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .cone import board_weights, depth_cone
-from .intervals import STACK_SHAPE
-from .normalise import board_duals, scale_image, unscale
-from .polish import polish
-from .pose import place_centroid, pose_from_root
-from .roots import feasible_roots, MAX_ROOTS
+from .pose import board_duals, place_centroid, polish, pose_from_root, scale_image, unscale
+from .roots import feasible_roots, MAX_ROOTS, STACK_SHAPE
 from .sextic import factors
-from .solution import G, H, ROW_SIZE, Solution, solution_from_row, TRANSLATION
-from ..geometry import Array, as_points, Ints
+from .solution import G, H, ROW_SIZE, Solution, solution_from_row
+from ..geometry import (
+    Array,
+    as_board_points,
+    as_image_points,
+    as_points,
+    fields_equal,
+    Ints,
+    read_only,
+    TRANSLATION,
+)
 from ..jit import jit, kernel
 
-# k > 0 bends the rays back beyond r = 1/√k: a point's pixel is then the nearer of two, and a
-# solution that has it at the farther one satisfies the equations, but not the projection.
+# k > 0 folds the rays back beyond r = 1/√k. A point then projects to the nearer of two pixels; a
+# solution with the farther one satisfies the equations, but not the projection.
 UNFOLDED = 1.0
 
-# A solution that misses a point by more than this, as ``polish`` measures it, is none.
+# A solution with a larger residual, as ``polish`` measures it, is rejected.
 _MAX_RESIDUAL = 1e-9
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class SolutionBatch:
     """
-    The solutions of n problems.
+    The solutions of n problems; read-only arrays.
 
     count (n,), focal_px (n, 6), k (n, 6) dimensionless, rotation (n, 6, 3, 3) and translation
     (n, 6, 3) in board units, ``camera_from_board``; NaN from count on.
@@ -55,6 +61,21 @@ class SolutionBatch:
     k: Array
     rotation: Array
     translation: Array
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            read_only(getattr(self, field.name))
+
+    def __eq__(self, other: object) -> bool:
+        return fields_equal(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f'SolutionBatch({len(self.count)} problems, {int(self.count.sum())} solutions)'
+
+    def __len__(self) -> int:
+        return len(self.count)
 
 
 def solve_p4pfr(image_points: ArrayLike, board_points: ArrayLike) -> list[Solution]:
@@ -70,9 +91,9 @@ def solve_p4pfr(image_points: ArrayLike, board_points: ArrayLike) -> list[Soluti
 
     Returns
     -------
-    At most six solutions, translation in the board's unit, centre (0, 0); all reproject the four
-    points, with all depths of one sign. Empty when there is none: an unlucky sample or one that
-    cannot tell, not an error.
+    At most six solutions, translation in the board's unit, centre (0, 0). Each reprojects the four
+    points, with all points in front of the camera. Empty if there is none: that is not an error,
+    but a sample without a solution or one that does not determine it.
 
     Raises
     ------
@@ -85,8 +106,8 @@ def solve_p4pfr(image_points: ArrayLike, board_points: ArrayLike) -> list[Soluti
     radial distortion from four planar points", arXiv:1805.10705.
 
     """
-    image = as_points(image_points, 'image_points', (4, 2))
-    board = as_points(board_points, 'board_points', (4, 2))
+    image = as_image_points(image_points, 'image_points', 4)
+    board = as_board_points(board_points, 'board_points', 4)
     rows = np.empty((MAX_ROOTS, ROW_SIZE))
     count = _solve_one(image, board, rows)
     return [solution_from_row(row, (0.0, 0.0)) for row in rows[:count]]
@@ -98,7 +119,7 @@ def solve_p4pfr_batch(
     """
     Solve n problems at once: ``solve_p4pfr`` for (n, 4, 2) image and board points.
 
-    ``workers`` threads share the work; the kernels hold no lock of the interpreter's.
+    ``workers`` threads share the work; the kernels release the interpreter's lock.
 
     Raises
     ------
@@ -129,7 +150,7 @@ def solve_p4pfr_batch(
 
 
 class Workspace(NamedTuple):
-    """Room for one solve, made once: the kernels allocate nothing."""
+    """Workspace of one solve, allocated once: the kernels allocate nothing."""
 
     sample_image: Array
     sample_board: Array
@@ -148,7 +169,7 @@ class Workspace(NamedTuple):
 
 @jit
 def workspace() -> Workspace:
-    """Make the room that ``solve_minimal`` works in."""
+    """Allocate the workspace of ``solve_minimal``."""
     return Workspace(
         np.empty((4, 2)),
         np.empty((4, 2)),
@@ -177,9 +198,9 @@ def _solve_all(image: Array, board: Array, rows: Array, count: Ints) -> None:
 
 
 @kernel
-def _solve_each(image: Array, board: Array, rows: Array, count: Ints, room: Workspace) -> None:
+def _solve_each(image: Array, board: Array, rows: Array, count: Ints, work: Workspace) -> None:
     for i in range(len(count)):
-        count[i] = solve_minimal(image[i], board[i], UNFOLDED, rows[i], room)
+        count[i] = solve_minimal(image[i], board[i], UNFOLDED, rows[i], work)
         for s in range(count[i], MAX_ROOTS):
             for j in range(ROW_SIZE):
                 rows[i, s, j] = math.nan
@@ -187,32 +208,31 @@ def _solve_each(image: Array, board: Array, rows: Array, count: Ints, room: Work
 
 @kernel
 def solve_minimal(
-    image: Array, board: Array, max_bend: float, rows: Array, room: Workspace
+    image: Array, board: Array, max_bend: float, rows: Array, work: Workspace
 ) -> int:
     """
     Write the solutions of one problem to ``rows`` and return their number.
 
-    max_bend bounds k r² at the farthest point, for the k and r of one unit; infinity: no bound.
+    max_bend bounds k r² at the farthest point (k and r in one unit); infinity: no bound.
 
     Each row: rotation (9), translation (3), focal length in px, and h with ray depth f + h r²
-    for r in px (so that k = h f). ``rows`` is (6, ROW_SIZE); rows past the number stay as
-    they were found or hold what was rejected.
+    for r in px (so that k = h f). ``rows`` is (6, ROW_SIZE); rows past the number are undefined.
     """
-    scale_px = scale_image(image, room.image, room.radius)
-    if not (scale_px > 0.0 and board_weights(board, room.weights)):
+    scale_px = scale_image(image, work.image, work.radius)
+    if not (scale_px > 0.0 and board_weights(board, work.weights)):
         return 0
-    if not depth_cone(room.image, room.radius, room.weights, room.plane, room.rays):
+    if not depth_cone(work.image, work.radius, work.weights, work.plane, work.rays):
         return 0
-    size = board_duals(board, room.board, room.duals)
-    f = factors(room.image, room.weights, room.rays, room.duals)
+    size = board_duals(board, work.board, work.duals)
+    f = factors(work.image, work.weights, work.rays, work.duals)
     count = 0
-    for i in range(feasible_roots(f, max_bend, room.roots, room.stack)):
+    for i in range(feasible_roots(f, max_bend, work.roots, work.stack)):
         row = rows[count]
-        tau = room.roots[i]
+        tau = work.roots[i]
         if not pose_from_root(f, tau, row):
             continue
-        place_centroid(room.rays, tau, room.image, row)
-        if polish(row, room.image, room.board, room.system, room.trial) > _MAX_RESIDUAL:
+        place_centroid(work.rays, tau, work.image, row)
+        if polish(row, work.image, work.board, work.system, work.trial) > _MAX_RESIDUAL:
             continue
         if not row[G] > 0.0:
             continue

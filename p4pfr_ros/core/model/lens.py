@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The division camera of many views inside the kernels: six numbers, any order, free centre.
+The division camera inside the kernels: six numbers, one to three terms, free centre.
 
 A point P = (X, Y, Z) of the camera's frame projects to  u = c + f s (X, Y),  s > 0, where the ray
 (d, w(|d|²)), d = s (X, Y), goes through P. With ρ² = X² + Y², q = s² ρ²:
@@ -13,23 +13,25 @@ The differential of that equation gives every derivative, with w' = dw/dq:
 
     (Z - 2 s ρ² w') ds = w' s² d(ρ²) - s dZ + q dk + q² dk2 + q³ dk3.
 
-The factor on the left is positive as far out as the lens does not fold the picture.
+The factor on the left is positive as far out as the lens does not fold the image.
 """
 
 from __future__ import annotations
 
 import math
 
-from .normal_equations import fill_pose_columns
-from ..geometry import Array
-from ..jit import kernel
-from ..minimal.solution import TRANSLATION
+import numpy as np
 
-# Places in a lens: focal length (px), centre (px, from the middle of the picture), k, k2, k3.
+from .normal_equations import fill_pose_columns
+from ..cameras.division import DivisionCamera
+from ..geometry import Array, TRANSLATION
+from ..jit import kernel
+
+# Entries of a lens: focal length (px), centre (px, from the middle of the image), k, k2, k3.
 FOCAL, CX, CY, K, K2, K3 = range(6)
 LENS_SIZE = 6
 
-# Columns of a point's derivatives: rotation, translation, the lens; then the residual.
+# Columns of a point's derivatives: rotation, translation, lens; then the residual.
 POSE_COLUMNS = 6
 RESIDUAL = POSE_COLUMNS + LENS_SIZE
 COLUMNS = RESIDUAL + 1
@@ -37,6 +39,20 @@ COLUMNS = RESIDUAL + 1
 _NEWTON_STEPS = 10
 _CONVERGED = 1e-14
 _NEAR_AXIS = 0.01
+
+
+def lens_from_camera(camera: DivisionCamera, middle_px: tuple[float, float]) -> Array:
+    """Return the camera's numbers (6,), its centre relative to the middle of the image."""
+    lens = np.empty(LENS_SIZE)
+    lens[FOCAL], lens[K], lens[K2], lens[K3] = camera.focal_px, camera.k, camera.k2, camera.k3
+    lens[CX], lens[CY] = np.subtract(camera.center_px, middle_px)
+    return lens
+
+
+def camera_from_lens(lens: Array, middle_px: tuple[float, float]) -> DivisionCamera:
+    """Return the camera of these numbers (6,)."""
+    focal_px, x, y, k, k2, k3 = lens.tolist()
+    return DivisionCamera(focal_px, (x + middle_px[0], y + middle_px[1]), k, k2, k3)
 
 
 @kernel
@@ -56,7 +72,7 @@ def squared_error(pose: Array, lens: Array, bx: float, by: float, u: float, v: f
 def linearise(
     pose: Array, lens: Array, bx: float, by: float, u: float, v: float, jacobian: Array
 ) -> None:
-    """Write the (2, 13) derivatives and residual of a point, px; NaN where it is not seen."""
+    """Write the (2, 13) derivatives and residual of a point, px; NaN if it is not visible."""
     qx, qy, qz = (
         pose[0] * bx + pose[1] * by,
         pose[3] * bx + pose[4] * by,
@@ -95,7 +111,7 @@ def _slope(lens: Array, q: float) -> float:
 
 @kernel
 def _scale(x: float, y: float, z: float, lens: Array, u: float, v: float) -> float:
-    """Return s of a point that was seen about (u, v); NaN where no pixel near there sees it."""
+    """Return s of a point observed about (u, v); NaN if no pixel near (u, v) sees it."""
     rho2 = x * x + y * y
     if lens[K2] == 0.0 and lens[K3] == 0.0:
         return closed_form(z, lens[K], rho2)

@@ -1,14 +1,14 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The normal equations JᵀJ and Jᵀr, built point by point: what both kinds of camera share."""
+"""The normal equations JᵀJ and Jᵀr of one view, point by point, for any kind of camera."""
 
 from __future__ import annotations
 
 from ..geometry import Array
 from ..jit import kernel
 
-# By the rotation, the translation, g and h; then the residual.
+# Columns of a point: derivatives by rotation, translation, g and h; then the residual.
 COLUMNS = 9
 
 
@@ -27,8 +27,8 @@ def fill_pose_columns(
 
 @kernel
 def add_point(jacobian: Array, limit: float, unknowns: int, normal: Array) -> int:
-    """Add a point's (2, 9) rows, upper triangle alone, if within the limit; return 1 or 0."""
-    # Written so that NaN is outside.
+    """Add a point's (2, 9) rows to the upper triangle if within the limit; return 1 or 0."""
+    # Written so that NaN is not within.
     if not jacobian[0, 8] * jacobian[0, 8] + jacobian[1, 8] * jacobian[1, 8] < limit:
         return 0
     for a in range(unknowns):

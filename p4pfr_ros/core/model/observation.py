@@ -1,76 +1,161 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From the caller's view to well-scaled numbers: the image about its centre, the board about 1."""
+"""
+One observation, the points of a board in one image: checked once, and scaled for the kernels.
+
+An ``Observation`` does not depend on a camera. Relative to a distortion centre it is a
+``CenteredView``, which is what all kernels work on.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..cameras.division import DivisionCamera
-from ..geometry import Array, as_points
+from ..cameras.camera_info import corner_radius_px
+from ..geometry import (
+    Array,
+    as_board_points,
+    as_image_points,
+    as_points,
+    Pose,
+    POSE_SIZE,
+    TRANSLATION,
+)
 from ..jit import jit
 
-# Of the board's size: points no farther from a line than rounding takes them are on it.
+FEWEST_POINTS = 4
+
+# Points count as collinear if they leave a line by less than this share of the board's size.
 _ON_A_LINE = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class PreparedView:
+@dataclass(frozen=True, slots=True, eq=False)
+class Observation:
     """
-    One view, scaled, and the way back.
+    The points of one board in one image.
 
-    image (N, 2) px from center_px, board (N, 2) about board_mean (board units) in units of
-    board_size; corner_px is how far the picture's farthest corner is from the centre. collinear:
-    the board's points lie on one line, or on one spot.
+    image_points (N, 2) raw px and board_points (N, 2) board units are the caller's; scaled_board
+    (N, 2) is about board_mean (board units) in units of board_size. collinear: the board points
+    lie on one line, or coincide. stamp: any value that identifies the observation.
     """
 
-    image: Array
-    board: Array
-    center_px: tuple[float, float]
-    corner_px: float
+    image_points: Array
+    board_points: Array
+    scaled_board: Array
     board_mean: Array
     board_size: float
     collinear: bool
+    stamp: Any = None
+
+    def __len__(self) -> int:
+        return len(self.image_points)
+
+    def row_from_pose(self, camera_from_board: Pose) -> Array:
+        """Return the numbers (12,) of the scaled board's pose."""
+        rotation = camera_from_board.rotation
+        moved = camera_from_board.translation + rotation[:, :2] @ self.board_mean
+        return np.concatenate([rotation.ravel(), moved / self.board_size])
+
+    def pose_from_row(self, row: Array) -> Pose:
+        """Return ``camera_from_board``, board units, of the scaled board's pose (≥ 12,)."""
+        rotation = row[:TRANSLATION].reshape(3, 3).copy()
+        return Pose.unchecked(rotation, self.translation_from_row(row))
+
+    def translation_from_row(self, row: Array) -> Array:
+        """Return the board's own translation, board units: R (X - m) / s + t, times s."""
+        rotation = row[:TRANSLATION].reshape(3, 3)
+        moved: Array = self.board_size * row[TRANSLATION:POSE_SIZE]
+        moved -= rotation[:, :2] @ self.board_mean
+        return moved
+
+    @property
+    def board_scale(self) -> tuple[float, float, float]:
+        """The mean (x, y) that was subtracted from the board points, and the size that divided."""
+        x, y = self.board_mean.tolist()
+        return x, y, self.board_size
+
+    def centered(
+        self, center_px: tuple[float, float], image_size: tuple[float, float] | None
+    ) -> CenteredView:
+        """
+        Return the view relative to a distortion centre.
+
+        image_size None: the farthest point stands in for the image's farthest corner.
+
+        Raises
+        ------
+        ValueError
+            The points are so far from the centre that their squares are not finite.
+
+        """
+        image = self.image_points - center_px
+        farthest_px = math.sqrt(_farthest2(image))
+        if not farthest_px < math.inf:
+            raise ValueError('image_points must have finite squares')
+        corner_px = farthest_px if image_size is None else corner_radius_px(image_size, center_px)
+        return CenteredView(self, image, center_px, corner_px)
 
 
-def prepare(
-    image_points: ArrayLike,
-    board_points: ArrayLike,
-    image_size: tuple[int, int] | None,
-    center_px: tuple[float, float] | None,
-    camera: DivisionCamera | None,
-) -> PreparedView:
+@dataclass(frozen=True, slots=True, eq=False)
+class CenteredView:
     """
-    Check and scale a view.
+    An observation relative to a distortion centre.
+
+    image (N, 2) px from center_px; corner_px is the distance of the image's farthest corner.
+    """
+
+    observation: Observation
+    image: Array
+    center_px: tuple[float, float]
+    corner_px: float
+
+    def __len__(self) -> int:
+        return len(self.image)
+
+    @property
+    def board(self) -> Array:
+        """The scaled board points (N, 2)."""
+        return self.observation.scaled_board
+
+
+def observe(image_points: ArrayLike, board_points: ArrayLike, stamp: Any = None) -> Observation:
+    """
+    Check, copy and scale the points of a board in an image.
 
     Raises
     ------
     ValueError
-        A wrong shape, a number that is not finite, or nothing that says where the centre is.
+        A wrong shape, a number that is not finite, or fewer than four points.
 
     """
-    raw = as_points(image_points, 'image_points', (None, 2))
-    points = as_points(board_points, 'board_points', (len(raw), 2))
-    if len(raw) < 4:
-        raise ValueError(f'image_points must be at least 4, got {len(raw)}')
-    size = _checked_size(image_size)
-    center = _center(size, center_px, camera)
-    image, board, mean = np.empty_like(raw), np.empty_like(points), np.empty(2)
-    farthest_px, board_size = _scale(raw, points, center, image, board, mean)
-    if not (farthest_px < math.inf and board_size < math.inf):
-        name = 'board_points' if farthest_px < math.inf else 'image_points'
-        raise ValueError(f'{name} must be of sizes whose squares are finite')
-    corner_px = farthest_px if size is None else _farthest_corner(size, center)
-    collinear = board_size <= 0.0 or _collinear(board)
-    return PreparedView(image, board, center, corner_px, mean, board_size, collinear)
+    image = as_image_points(image_points, 'image_points')
+    board = as_board_points(board_points, 'board_points', len(image))
+    if len(image) < FEWEST_POINTS:
+        raise ValueError(f'image_points must be at least {FEWEST_POINTS}, got {len(image)}')
+    scaled, mean = np.empty_like(board), np.empty(2)
+    size = _scale_board(board, scaled, mean)
+    if not size < math.inf:
+        raise ValueError('board_points must have finite squares')
+    collinear = size <= 0.0 or _collinear(scaled)
+    return Observation(image.copy(), board.copy(), scaled, mean, size, collinear, stamp)
 
 
-def _checked_size(image_size: tuple[int, int] | None) -> tuple[float, float] | None:
+def checked_image_size(image_size: tuple[int, int] | None) -> tuple[float, float] | None:
+    """
+    Return the image size (width, height) as numbers.
+
+    Raises
+    ------
+    ValueError
+        It is not positive.
+
+    """
     if image_size is None:
         return None
     width, height = as_points(image_size, 'image_size', (2,)).tolist()
@@ -79,45 +164,26 @@ def _checked_size(image_size: tuple[int, int] | None) -> tuple[float, float] | N
     return width, height
 
 
-def _center(
-    size: tuple[float, float] | None,
-    center_px: tuple[float, float] | None,
-    camera: DivisionCamera | None,
-) -> tuple[float, float]:
-    if camera is not None:
-        return camera.center_px
-    if center_px is not None:
-        x, y = as_points(center_px, 'center_px', (2,)).tolist()
-        return x, y
-    if size is None:
-        raise ValueError('image_size, center_px or camera must say where the centre is')
-    return (size[0] - 1.0) / 2.0, (size[1] - 1.0) / 2.0
-
-
-def _farthest_corner(size: tuple[float, float], center: tuple[float, float]) -> float:
-    """Return how far the outer corner of the farthest corner pixel is from the centre."""
-    return math.hypot(
-        *(max(c + 0.5, length - 0.5 - c) for c, length in zip(center, size, strict=True))
-    )
+def image_center_px(image_size: tuple[float, float]) -> tuple[float, float]:
+    """Return the middle of the image, px; pixel centres are integers."""
+    return (image_size[0] - 1.0) / 2.0, (image_size[1] - 1.0) / 2.0
 
 
 @jit
-def _scale(
-    raw: Array,
-    points: Array,
-    center: tuple[float, float],
-    image: Array,
-    board: Array,
-    mean: Array,
-) -> tuple[float, float]:
-    """Fill the scaled arrays and the mean; return the farthest pixel and the board's size."""
-    n = len(raw)
-    mean[0] = mean[1] = 0.0
+def _farthest2(image: Array) -> float:
     farthest2 = 0.0
-    for i in range(n):
-        image[i, 0], image[i, 1] = raw[i, 0] - center[0], raw[i, 1] - center[1]
+    for i in range(len(image)):
         farthest2 = max(farthest2, image[i, 0] * image[i, 0] + image[i, 1] * image[i, 1])
-        # About the first point: far from the origin a plain sum would lose digits.
+    return farthest2
+
+
+@jit
+def _scale_board(points: Array, board: Array, mean: Array) -> float:
+    """Write the scaled points and the mean; return the size, infinite if its square is."""
+    n = len(points)
+    mean[0] = mean[1] = 0.0
+    for i in range(n):
+        # Relative to the first point: far from the origin a plain sum would lose digits.
         for j in range(2):
             board[i, j] = points[i, j] - points[0, j]
             mean[j] += board[i, j] / n
@@ -131,13 +197,13 @@ def _scale(
             board[i, j] /= size
     for j in range(2):
         mean[j] += points[0, j]
-    # The square is what overflows first, further on.
-    return math.sqrt(farthest2), size if size * size < math.inf else math.inf
+    # The square is the first to overflow in what follows.
+    return size if size * size < math.inf else math.inf
 
 
 @jit
 def _collinear(board: Array) -> bool:
-    """Say whether points about their mean lie on one line."""
+    """Return whether points about their mean lie on one line."""
     farthest = 0
     largest2 = 0.0
     for i in range(len(board)):

@@ -1,84 +1,156 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is known of the lens besides the views that are fitted: beforehand, and from others."""
+"""
+Gaussian priors on the lens: what most cameras are like, and what the caller or views add.
+
+A prior is a mean and an information matrix (inverse covariance). It completes what the data do not
+determine; a handful of views outweighs it. Views that are no longer fitted are marginalised into
+it, as information about the lens.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+import math
+from typing import NamedTuple
 
 import numpy as np
 
-from .lens import LENS_SIZE
+from .lens import CX, CY, FOCAL, K, K2, K3, lens_from_camera, LENS_SIZE
+from ..cameras.division import DivisionCamera
 from ..geometry import Array
-from ..linalg import invert_information
-from ..many_views.bundle_adjustment import LensPrior
+from ..linalg import inverse_of_information
 
-# Views that are no longer fitted count for so many at most, and fade as new ones come: a lens
-# that is warmed up by the sun may change.
-_MOST_REMEMBERED = 2000.0
+# Most cameras have a field of view of about 60° along the diagonal, within a factor, and each term
+# of the lens changes the ray's depth at the image's corner by about a third.
+TYPICAL_HALF_FOV_RAD = math.radians(30.0)
+FOCAL_SIGMA = 0.5  # relative
+BEND_SIGMA = 0.3  # of k |d|² at the image's corner, and of the next terms likewise
+
+# Marginalised views count as at most this many; older ones fade, since a lens may change slowly,
+# with temperature for example.
+_MOST_MARGINALISED = 2000.0
+
+# Smallest eigenvalue of a positive definite matrix that is scaled to ones on its diagonal.
+_CLEARLY_POSITIVE = 1e-9
 
 
-# Of a scaled matrix's smallest eigenvalue, beside the one on its diagonal.
-_CLEARLY = 1e-9
+def typical_focal_px(corner_px: float) -> float:
+    """Return the focal length of a typical camera; corner_px: from the centre to the corner."""
+    return corner_px / math.tan(TYPICAL_HALF_FOV_RAD)
 
 
-def inverse_of(information: Array) -> Array:
-    """Invert a symmetric matrix of mixed units; what it does not hold gets a huge variance."""
-    n = len(information)
-    inverse = np.empty((n, n))
-    invert_information(np.ascontiguousarray(information), np.empty((n, n + 1)), inverse)
-    return inverse
+class WeightedPrior(NamedTuple):
+    """A prior in the units of the squared residuals: mean (6,), information (6, 6) in px²."""
+
+    mean: Array
+    information: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Knowledge:
+class LensPrior:
     """
     A normal distribution of the lens: mean (6,) and information (6, 6), inverse squares.
 
-    remembered (6, 6) is what of the information comes from views that are not fitted any more,
-    and views is their number.
+    marginalised (6, 6) is the part of the information from views that are no longer fitted, and
+    views is their number.
     """
 
     mean: Array
     information: Array
-    remembered: Array
+    marginalised: Array
     views: int
 
     @classmethod
-    def beforehand(cls, mean: Array, information: Array, views: int = 0) -> Knowledge:
-        """Return what is known before the first view."""
+    def without_views(cls, mean: Array, information: Array, views: int = 0) -> LensPrior:
+        """Return a prior into which no view was marginalised; views: of an earlier calibration."""
         return cls(mean, information, np.zeros((LENS_SIZE, LENS_SIZE)), views)
 
-    def weighed(self, variance: float) -> LensPrior:
-        """Return it in px², for a noise of that variance."""
-        return LensPrior(self.mean, variance * self.information)
+    def weighted(self, variance: float) -> WeightedPrior:
+        """Return the prior in px², for a noise of that variance."""
+        return WeightedPrior(self.mean, variance * self.information)
 
-    def remembering(self, told: Array, pull: Array, lens: Array, variance: float) -> Knowledge:
+    def marginalise(
+        self, information: Array, gradient: Array, lens: Array, variance: float
+    ) -> LensPrior:
         """
-        Add what a view told of the lens (6, 6), and where from lens (6,) it would have it go.
+        Add the information (6, 6) of a view about the lens, and its negative gradient (6,).
 
-        Both are px², for a noise of that variance.
+        Both are in px², at the given lens (6,) and for a noise of that variance.
         """
-        # The view's share of the cost about the lens θ is dᵀ S d - 2 gᵀ d, d the step from θ. Two
-        # quadratic functions of the lens make one, whose minimum is where their pulls cancel.
-        faded = self.remembered / _MOST_REMEMBERED
-        information = self.information - faded + told / variance
-        if not _is_positive(information):  # a view of next to nothing, and rounding
+        # The view's share of the cost about the lens θ is dᵀ S d - 2 gᵀ d, d the step from θ. The
+        # sum of two quadratic functions has its minimum where their gradients cancel.
+        faded = self.marginalised / _MOST_MARGINALISED
+        total = self.information - faded + information / variance
+        if not _is_positive(total):  # a view without information, and rounding
             return self
-        pulls = (told @ (lens - self.mean) + pull) / variance
+        gradients = (information @ (lens - self.mean) + gradient) / variance
         return replace(
             self,
-            mean=self.mean + inverse_of(information) @ pulls,
-            information=information,
-            remembered=self.remembered - faded + told / variance,
+            mean=self.mean + inverse_of_information(total) @ gradients,
+            information=total,
+            marginalised=self.marginalised - faded + information / variance,
             views=self.views + 1,
         )
 
 
+def typical_camera(
+    image_size: tuple[int, int],
+    center_sigma: float,
+    focal: tuple[float, float] | None,
+    k: tuple[float, float | None],
+) -> LensPrior:
+    """
+    Return the prior of a typical camera; the caller's own priors replace its entries.
+
+    Parameters
+    ----------
+    image_size
+        (width, height), px.
+    center_sigma
+        Standard deviation of the optical centre from the middle, as a share of the diagonal.
+    focal
+        The caller's mean and standard deviation of the focal length, px.
+    k
+        The caller's mean of k, and its standard deviation (None: not given).
+
+    """
+    diagonal_px = math.hypot(*image_size)
+    corner_px = 0.5 * diagonal_px
+    focal_px, focal_sigma_px = focal or (0.0, 0.0)
+    if focal is None:
+        focal_px = typical_focal_px(corner_px)
+        focal_sigma_px = FOCAL_SIGMA * focal_px
+    corner2 = (corner_px / focal_px) ** 2
+    mean, sigma = np.zeros(LENS_SIZE), np.empty(LENS_SIZE)
+    mean[FOCAL], mean[K] = focal_px, k[0]
+    sigma[FOCAL] = focal_sigma_px
+    sigma[CX] = sigma[CY] = center_sigma * diagonal_px
+    sigma[K] = k[1] or BEND_SIGMA / corner2
+    sigma[K2], sigma[K3] = BEND_SIGMA / corner2**2, BEND_SIGMA / corner2**3
+    return LensPrior.without_views(mean, np.diag(sigma**-2.0))
+
+
+def calibrated_camera(
+    camera: DivisionCamera,
+    covariance: Array,
+    views: int,
+    middle_px: tuple[float, float],
+    typical: LensPrior,
+) -> LensPrior:
+    """Return an earlier calibration as a prior; its fixed terms have the typical camera's."""
+    free = np.diag(covariance) > 0.0
+    information = typical.information.copy()
+    information[np.ix_(free, free)] = inverse_of_information(covariance[np.ix_(free, free)])
+    mean = np.where(free, lens_from_camera(camera, middle_px), typical.mean)
+    return LensPrior.without_views(mean, information, views)
+
+
 def _is_positive(information: Array) -> bool:
-    """Say whether a matrix of mixed units is positive definite, clearly so."""
+    """Return whether a matrix of mixed units is clearly positive definite."""
     size = np.sqrt(np.maximum(np.diag(information), 0.0))
     if not (size > 0.0).all():
         return False
-    return bool(np.linalg.eigvalsh(information / np.outer(size, size))[0] > _CLEARLY)
+    scaled = information / np.outer(size, size)
+    return bool(np.linalg.eigvalsh(scaled)[0] > _CLEARLY_POSITIVE)

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Other local optima that explain a view as well: the flip, and other roots of the samples.
+Other local optima that explain a view as well, and other focal lengths that do.
 
-A small or far board has a second pose that explains its picture nearly as well: mirroring its
-normal in the line of sight changes a weak perspective view not at all. With a free camera the
-minimal problem has up to six solutions, and a few points more need not tell them apart.
+A small or far board has a second pose that explains its image nearly as well: mirroring its normal
+in the line of sight does not change a weak perspective view. With a free camera the minimal
+problem has up to six solutions, and a few more points need not distinguish them.
 """
 
 from __future__ import annotations
@@ -15,22 +15,29 @@ import math
 
 import numpy as np
 
-from .least_squares import minimise, truncated_cost
-from .problem import hypotheses, plausible, POSE, Problem
-from .ransac import RansacRoom
-from .sampling import draw_sample, first_state, smallest_triangles
-from ..geometry import Array
+from .free_camera import Prior
+from .least_squares import (
+    hypotheses,
+    least_squares_work,
+    minimise,
+    plausible,
+    POSE,
+    Problem,
+    truncated_cost,
+)
+from .ransac import draw_sample, first_state, RansacWork, smallest_triangles
+from ..geometry import Array, TRANSLATION
 from ..jit import jit
-from ..minimal.solution import ROW_SIZE, TRANSLATION
+from ..minimal.solution import G, H, ROW_SIZE
 
-# At most so many alternatives are told.
+# Largest number of alternatives.
 MAX_OTHERS = 6
 
-# Poses closer than this are the same optimum; starts closer than that lead there. Radians.
+# Rotations closer than this, rad, are the same optimum; starts closer than that lead to it.
 _SAME_RAD = 0.02
 _SAME_START_RAD = 0.2
 
-# Whether a start leads anywhere else is mostly clear after few steps.
+# Whether a start leads to another optimum is mostly clear after few steps.
 _WIDE = 100.0
 _FIRST_STEPS = 6
 _FIRST_TOLERANCE = 1e-2
@@ -41,8 +48,18 @@ _LAST_TOLERANCE = 1e-12
 _SAMPLES = 8
 _NO_ROWS = np.empty((0, ROW_SIZE))
 
-# A start whose points are mostly this far off is not worth a step.
-_HALF = 0.5
+# A start with more than this share of its points beyond the wide limit is not refined.
+_MOST_BEYOND = 0.5
+
+
+# An observable focal length must be distinguishable from its half and its double.
+_FOCAL_FACTOR = 2.0
+
+# Weight that holds a focal length within a pixel or so.
+_HOLDING_WEIGHT = 1.0
+
+_HELD_STEPS = 30
+_HELD_TOLERANCE = 1e-4
 
 
 @jit
@@ -54,31 +71,33 @@ def other_optima(
     excess: float,
     others: Array,
     costs: Array,
-    room: RansacRoom,
+    work: RansacWork,
 ) -> int:
     """
-    Write to ``others`` (MAX_OTHERS, ROW_SIZE) what costs at most the excess (px²) more.
+    Write the optima that cost at most the excess (px²) more to ``others`` (MAX_OTHERS, ROW_SIZE).
 
-    costs (MAX_OTHERS,) px² is theirs: a lower one than the best's is found now and then.
-    Returned is their number.
+    Their costs go to costs (MAX_OTHERS,), px²; one may be lower than that of the best. Return
+    their number.
     """
-    _mirror(best, room.local)
-    count = _consider(problem, best, cost, limit, excess, others, costs, 0, room)
+    _mirror(best, work.local)
+    count = _try_local_row(problem, best, cost, limit, excess, others, costs, 0, work)
     if problem.unknowns == POSE or len(problem.image) == 4:
         return count
     state = first_state(0)
     smallest = smallest_triangles(problem.board, limit)
     for _ in range(_SAMPLES):
-        state = draw_sample(problem.image, problem.board, smallest, state, room.chosen)
-        for s in range(hypotheses(problem, room.chosen, room.rows, room.solver)):
-            room.local[:] = room.rows[s]
-            if _is_new(room.local, best, others, count, _SAME_START_RAD):
-                count = _consider(problem, best, cost, limit, excess, others, costs, count, room)
+        state = draw_sample(problem.image, problem.board, smallest, state, work.chosen)
+        for s in range(hypotheses(problem, work.chosen, work.rows, work.solver)):
+            work.local[:] = work.rows[s]
+            if _is_new(work.local, best, others, count, _SAME_START_RAD):
+                count = _try_local_row(
+                    problem, best, cost, limit, excess, others, costs, count, work
+                )
     return count
 
 
 @jit
-def _consider(
+def _try_local_row(
     problem: Problem,
     best: Array,
     cost: float,
@@ -87,21 +106,21 @@ def _consider(
     others: Array,
     costs: Array,
     count: int,
-    room: RansacRoom,
+    work: RansacWork,
 ) -> int:
-    """Refine the room's local row and keep it if it is another optimum, and good enough."""
-    local = room.local
+    """Refine the local row of ``work``; append it if it is another optimum, and good enough."""
+    local = work.local
     if count == MAX_OTHERS:
         return count
     wide = _WIDE * limit
-    hopeless = _HALF * wide * len(problem.image)
+    hopeless = _MOST_BEYOND * wide * len(problem.image)
     if truncated_cost(local, problem, wide, hopeless) > hopeless:
         return count
-    minimise(local, problem, wide, _FIRST_STEPS, _FIRST_TOLERANCE, room.refine)
-    found = minimise(local, problem, limit, _FIRST_STEPS, _FIRST_TOLERANCE, room.refine)
+    minimise(local, problem, wide, _FIRST_STEPS, _FIRST_TOLERANCE, work.refine)
+    found = minimise(local, problem, limit, _FIRST_STEPS, _FIRST_TOLERANCE, work.refine)
     if found > cost + _PROMISING * excess or not _is_new(local, best, others, count, _SAME_RAD):
         return count
-    found = minimise(local, problem, limit, _LAST_STEPS, _LAST_TOLERANCE, room.refine)
+    found = minimise(local, problem, limit, _LAST_STEPS, _LAST_TOLERANCE, work.refine)
     if (
         found <= cost + excess
         and plausible(local, problem)
@@ -115,7 +134,7 @@ def _consider(
 
 @jit
 def _is_new(row: Array, best: Array, others: Array, count: int, angle_rad: float) -> bool:
-    """Say whether a rotation differs from the best and from all others by an angle."""
+    """Return whether a rotation differs from the best and from all others by an angle."""
     # |A - B|² = 8 sin²(angle / 2)
     least = 8.0 * math.sin(0.5 * angle_rad) ** 2
     new = _squared_chord(row, best) > least
@@ -126,7 +145,7 @@ def _is_new(row: Array, best: Array, others: Array, count: int, angle_rad: float
 
 @jit
 def same_optimum(row: Array, other: Array) -> bool:
-    """Say whether two refined rows are the same local optimum."""
+    """Return whether two refined rows are the same local optimum."""
     return not _is_new(row, other, _NO_ROWS, 0, _SAME_RAD)
 
 
@@ -140,14 +159,14 @@ def _squared_chord(a: Array, b: Array) -> float:
 
 @jit
 def _mirror(row: Array, mirrored: Array) -> None:
-    """Turn the board so that its normal n is mirrored in the line of sight v."""
+    """Rotate the board so that its normal n is mirrored in the line of sight v."""
     mirrored[:] = row
     x, y, z = row[TRANSLATION], row[TRANSLATION + 1], row[TRANSLATION + 2]
     length = math.sqrt(x * x + y * y + z * z)
     x, y, z = x / length, y / length, z / length
     along = row[2] * x + row[5] * y + row[8] * z
-    # Half a turn about v takes n to the mirrored normal; half a turn about that keeps it, and
-    # undoes the turn within the plane.
+    # Half a turn about v maps n to the mirrored normal; half a turn about that normal undoes the
+    # rotation within the plane.
     nx, ny, nz = 2.0 * along * x - row[2], 2.0 * along * y - row[5], 2.0 * along * z - row[8]
     _half_turn(mirrored, x, y, z)
     _half_turn(mirrored, nx, ny, nz)
@@ -155,9 +174,46 @@ def _mirror(row: Array, mirrored: Array) -> None:
 
 @jit
 def _half_turn(row: Array, x: float, y: float, z: float) -> None:
-    """Turn a rotation by π about a unit axis:  c -> 2 (a · c) a - c  for each column."""
+    """Rotate a rotation by π about a unit axis:  c -> 2 (a · c) a - c  for each column."""
     for j in range(3):
         twice = 2.0 * (x * row[j] + y * row[3 + j] + z * row[6 + j])
         row[j] = twice * x - row[j]
         row[3 + j] = twice * y - row[3 + j]
         row[6 + j] = twice * z - row[6 + j]
+
+
+@jit
+def another_focal_fits(row: Array, problem: Problem, limit: float, excess: float) -> bool:
+    """
+    Return whether half or twice the focal length raises the cost by less than ``excess``, px².
+
+    All else is refitted by least squares; row is the estimate, limit that of the inliers.
+
+    Near fronto-parallel views the standard deviation misleads: the estimate rests on a tilt that
+    is noise, and at that tilt the focal length seems determined.
+    """
+    cost = truncated_cost(row, problem, limit, math.inf)
+    work = least_squares_work()
+    fits = False
+    for factor in (1.0 / _FOCAL_FACTOR, _FOCAL_FACTOR):
+        prior = Prior(factor * row[G], _HOLDING_WEIGHT, problem.prior.k, problem.prior.k_weight)
+        held = Problem(
+            problem.image,
+            problem.board,
+            problem.unknowns,
+            problem.gates,
+            prior,
+            problem.rays,
+            problem.across,
+        )
+        # Same size in the image, same distortion: the distance scales with f, h r² / g stays.
+        other = row.copy()
+        other[G] *= factor
+        other[H] *= factor
+        other[TRANSLATION + 2] *= factor
+        minimise(other, held, _WIDE * limit, _HELD_STEPS, _HELD_TOLERANCE, work)
+        fits = (
+            fits
+            or minimise(other, held, limit, _HELD_STEPS, _HELD_TOLERANCE, work) - cost < excess
+        )
+    return fits

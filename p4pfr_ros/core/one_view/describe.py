@@ -1,64 +1,104 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From a kernel's row of numbers to a ``PoseEstimate``: priors, noise, honesty."""
+"""
+From the best row of a search to a ``PoseEstimate``: refinement, noise, covariance, alternatives.
+
+``ViewProblem`` holds one call of ``estimate_pose``. The compiled ``assess`` refines a row and
+fills the arrays of its result. A typical camera replaces what the view does not determine, which
+is then not observable.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from .conclude import conclude, Conclusion, conclusion_room, MAX_RATIO, STEPS, Summary
-from .free_camera import Gates
-from .likelihood import another_focal_fits
-from .observability import Observability, observability_of, without_the_undetermined
-from .prior import Prior
-from .problem import free_problem, known_problem, Problem
-from .results import EstimateOptions, PoseEstimate, Status
+from .ambiguity import another_focal_fits, MAX_OTHERS, other_optima
+from .free_camera import Gates, Prior, prior_cost
+from .least_squares import (
+    covariance_from,
+    free_problem,
+    hypotheses,
+    known_problem,
+    minimise,
+    normal_equations,
+    plausible,
+    Problem,
+    squared_errors,
+    truncated_cost,
+)
+from .ransac import ransac_work, RansacWork
+from .results import (
+    EstimateOptions,
+    mark_undetermined,
+    no_estimate,
+    Observability,
+    observability_of,
+    PoseEstimate,
+    Status,
+)
 from ..cameras.division import DivisionCamera
-from ..geometry import Array, Pose
-from ..minimal.solution import G, H, Solution, TRANSLATION
-from ..model.observation import PreparedView
-from ..model.uncertainty import DEFAULT_SIGMA_PX
+from ..geometry import Array
+from ..jit import jit
+from ..minimal.solution import G, H, ROW_SIZE, Solution
+from ..model.observation import CenteredView
+from ..model.prior import BEND_SIGMA, FOCAL_SIGMA, typical_focal_px
+from ..model.uncertainty import (
+    COV_FOCAL,
+    DEFAULT_SIGMA_PX,
+    largest_excess,
+    noise_variance,
+    posterior_variance,
+)
 
-# What most cameras are: a field of view of about 60°, and a lens that bends the corner little.
-# It stands in for what a view does not determine, and ranks what it cannot tell apart; a
-# quantity it stands in for is never called observable.
-_COMMON_HALF_FOV_RAD = math.radians(30.0)
-_COMMON_FOCAL_SPREAD = 0.5  # of itself
-_COMMON_BEND_SPREAD = 0.3  # of k |d|² at the image's corner
-_NOT_SURPRISING = 4.0  # two spreads, squared
+_NOT_SURPRISING = 4.0  # two standard deviations, squared
 
-# A focal length that is known to this share of itself is not asked about again.
-_SURE = 0.03
+# A focal length with a smaller relative standard deviation needs no test of the likelihood.
+_CERTAIN = 0.03
+
+# Twice the log of the likelihood ratio beyond which the worse optimum is rejected: 1 in 100.
+MAX_RATIO = 9.21
+
+STEPS = 100
+_TOLERANCE = 1e-13
+
+# Another optimum is better only if its cost is lower by more than rounding.
+_BETTER = 1.0 - 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Answering:
-    """The view as the kernels want it, and the way back to the caller's frame."""
+class ViewProblem:
+    """One view, with the camera if it is known, and the options of its estimation."""
 
-    view: PreparedView
+    view: CenteredView
     camera: DivisionCamera | None
     options: EstimateOptions
 
     @property
     def sigma_px(self) -> float:
-        """The noise of a coordinate before any is measured."""
+        """The standard deviation of a coordinate before it is measured, px."""
         return self.options.sigma_px or DEFAULT_SIGMA_PX
+
+    @property
+    def has_focal_prior(self) -> bool:
+        """Whether the camera is unknown and the caller gave a prior on its focal length."""
+        return self.camera is None and self.options.prior_focal_px is not None
 
     def problem(
         self,
         variance: float | None = None,
         *,
-        common_focal: bool = False,
-        common_k: bool = False,
+        typical_focal: bool = False,
+        typical_k: bool = False,
     ) -> Problem:
         """
-        Make the problem, its priors weighed by the variance of the noise, px².
+        Make the least-squares problem, its priors weighted by the noise variance, px².
 
-        common_focal, common_k: what most cameras are stands in where the caller knows nothing.
+        typical_focal, typical_k: use the typical camera's prior unless the caller gave one.
         """
         view, options = self.view, self.options
         gates = Gates(
@@ -69,148 +109,300 @@ class Answering:
         )
         if self.camera is not None:
             return known_problem(view.image, view.board, gates, self.camera)
-        prior = self._prior(variance or self.sigma_px**2, common_focal, common_k)
+        prior = self._prior(variance or self.sigma_px**2, typical_focal, typical_k)
         return free_problem(view.image, view.board, gates, prior)
 
-    def _prior(self, variance: float, common_focal: bool, common_k: bool) -> Prior:
+    def _prior(self, variance: float, typical_focal: bool, typical_k: bool) -> Prior:
         options = self.options
-        focal_px, focal_spread_px = options.prior_focal_px, options.prior_focal_sigma_px
-        k, k_spread = options.prior_k, options.prior_k_sigma
-        common_px = self.view.corner_px / math.tan(_COMMON_HALF_FOV_RAD)
-        if focal_px is None and common_focal:
-            focal_px, focal_spread_px = common_px, _COMMON_FOCAL_SPREAD * common_px
-        if k_spread is None and common_k:
-            k_spread = _COMMON_BEND_SPREAD * ((focal_px or common_px) / self.view.corner_px) ** 2
+        focal_px, focal_sigma_px = options.prior_focal_px, options.prior_focal_sigma_px
+        k, k_sigma = options.prior_k, options.prior_k_sigma
+        typical_px = typical_focal_px(self.view.corner_px)
+        if focal_px is None and typical_focal:
+            focal_px, focal_sigma_px = typical_px, FOCAL_SIGMA * typical_px
+        if k_sigma is None and typical_k:
+            k_sigma = BEND_SIGMA * ((focal_px or typical_px) / self.view.corner_px) ** 2
         return Prior(
             focal_px or 0.0,
-            variance / focal_spread_px**2 if focal_spread_px else 0.0,
+            variance / focal_sigma_px**2 if focal_sigma_px else 0.0,
             k,
-            variance / k_spread**2 if k_spread else 0.0,
+            variance / k_sigma**2 if k_sigma else 0.0,
         )
 
     def surprise(self, row: Array) -> float:
-        """Rank cameras by how common they are: squares of deviations in units of a spread."""
+        """Return the squared deviation of a row's camera from a typical one, in variances."""
         corner_px = self.view.corner_px
-        by_focal = math.log2(row[G] / (corner_px / math.tan(_COMMON_HALF_FOV_RAD)))
-        by_bend = row[H] * corner_px**2 / row[G] / _COMMON_BEND_SPREAD
+        by_focal = math.log2(row[G] / typical_focal_px(corner_px))
+        by_bend = row[H] * corner_px**2 / row[G] / BEND_SIGMA
         return float(by_focal**2 + by_bend**2)
 
     def describe(
-        self, row: Array, problem: Problem, others: Array | None, stop: Status, iterations: int
+        self, row: Array, problem: Problem, others: Array | None, status: Status, iterations: int
     ) -> PoseEstimate:
         """
-        Say of a row all that there is to say.
+        Refine a row, and return its result.
 
-        problem: the view's, with the caller's priors. others None: they are sought.
+        problem: the view's, with the caller's priors. others: known alternatives; None: search.
         """
-        n = len(self.view.image)
-        found = conclusion_room(n)
+        n = len(self.view)
+        arrays = assessment(n)
         seek = others is None
         start = row.copy()
-        summary = self._conclude(row, problem, seek, found)
+        summary = self._assess(row, problem, seek, arrays)
         if self.options.sigma_px is None and self._has_priors:
-            # They had been weighed by a guess of the noise.
-            summary = self._conclude(row, self.problem(summary.variance), seek, found)
-        seen = self._seen(row, summary, found)
-        if not (seen.distortion and seen.focal):
+            # They were weighted by the default noise.
+            summary = self._assess(row, self.problem(summary.variance), seek, arrays)
+        observable = self._observability(row, summary, arrays)
+        if not (observable.distortion and observable.focal):
             row[:] = start
-            summary, seen = self._stand_in(row, seen, summary, seek, found)
+            summary, observable = self._complete(row, observable, summary, seek, arrays)
         if summary.inliers < min(n, self.options.min_inliers):
             return no_estimate(Status.NO_CONSENSUS, n, iterations)
         if others is None:
-            others = found.others[: summary.others]
+            others = arrays.others[: summary.others]
         return PoseEstimate(
             model=self._solution(row),
-            status=_stop(stop, seen),
-            inliers=found.squares < self.options.threshold_px**2,
+            status=_final_status(status, observable),
+            inliers=arrays.squares < self.options.threshold_px**2,
             rms_px=math.sqrt(summary.total / summary.inliers),
             iterations=iterations,
-            covariance=without_the_undetermined(found.covariance, seen),
+            covariance=mark_undetermined(arrays.covariance, observable),
             alternatives=tuple(self._solution(other) for other in others),
-            observable=seen,
+            observable=observable,
         )
 
-    def _stand_in(
-        self, row: Array, seen: Observability, summary: Summary, seek: bool, found: Conclusion
+    def _complete(
+        self,
+        row: Array,
+        observable: Observability,
+        summary: Summary,
+        seek: bool,
+        arrays: Assessment,
     ) -> tuple[Summary, Observability]:
         """
-        Conclude with a common camera in place of what the view leaves open.
+        Assess a row again, with a typical camera for what the view does not determine.
 
-        What is small over all common cameras is determined all the same: the direction of a
-        board seen from straight ahead, say. What the common camera stands in for is not.
+        Quantities that hardly vary over all typical cameras are determined nevertheless: the
+        direction of a fronto-parallel board, for example. The replaced ones are not.
         """
         variance = summary.variance
-        # An exact solution of four points by a common camera stays one, beside the others.
+        # An exact solution of four points by a typical camera stays exact, among the others.
         steps = 0 if not seek and self.surprise(row) < _NOT_SURPRISING else STEPS
-        if not seen.distortion:
-            problem = self.problem(variance, common_k=True)
-            summary = self._conclude(row, problem, seek, found, steps)
-            seen = replace(self._seen(row, summary, found), distortion=False)
-        if not seen.focal:
-            problem = self.problem(variance, common_k=not seen.distortion, common_focal=True)
-            summary = self._conclude(row, problem, seek, found, steps)
-            bends = seen.distortion
-            seen = self._seen(row, summary, found)
-            seen = replace(seen, distance=False, focal=False, distortion=seen.distortion and bends)
-        return summary, seen
+        if not observable.distortion:
+            problem = self.problem(variance, typical_k=True)
+            summary = self._assess(row, problem, seek, arrays, steps)
+            observable = replace(self._observability(row, summary, arrays), distortion=False)
+        if not observable.focal:
+            typical_k = not observable.distortion
+            problem = self.problem(variance, typical_k=typical_k, typical_focal=True)
+            summary = self._assess(row, problem, seek, arrays, steps)
+            distortion = observable.distortion
+            observable = self._observability(row, summary, arrays)
+            distortion = observable.distortion and distortion
+            observable = replace(observable, distance=False, focal=False, distortion=distortion)
+        return summary, observable
 
     @property
     def _has_priors(self) -> bool:
-        options = self.options
-        given = options.prior_focal_px is not None or options.prior_k_sigma is not None
-        return self.camera is None and given
+        return self.has_focal_prior or (
+            self.camera is None and self.options.prior_k_sigma is not None
+        )
 
-    def _conclude(
-        self, row: Array, problem: Problem, seek: bool, found: Conclusion, steps: int = STEPS
+    def _assess(
+        self, row: Array, problem: Problem, seek: bool, arrays: Assessment, steps: int = STEPS
     ) -> Summary:
         limit, sigma_px = self.options.threshold_px**2, self.options.sigma_px or 0.0
-        board = (*self.view.board_mean.tolist(), self.view.board_size)
-        return Summary(*conclude(row, problem, limit, sigma_px, board, seek, steps, found))
+        board = self.view.observation.board_scale
+        return Summary(*assess(row, problem, limit, sigma_px, board, seek, steps, arrays))
 
-    def _seen(self, row: Array, summary: Summary, found: Conclusion) -> Observability:
-        translation = self._translation(row)
-        seen = observability_of(float(row[G]), translation, found.covariance, self.view.corner_px)
-        share = math.sqrt(found.covariance[6, 6]) / row[G]
-        if self.camera is not None or not seen.focal or share < _SURE or len(self.view.image) == 4:
-            return seen
-        # The standard deviation may deceive: ask the likelihood, by what the caller knows alone.
+    def _observability(self, row: Array, summary: Summary, arrays: Assessment) -> Observability:
+        translation = self.view.observation.translation_from_row(row)
+        observable = observability_of(
+            float(row[G]), translation, arrays.covariance, self.view.corner_px
+        )
+        share = math.sqrt(arrays.covariance[COV_FOCAL, COV_FOCAL]) / row[G]
+        certain = self.camera is not None or share < _CERTAIN
+        if certain or not observable.focal or len(self.view) == 4:
+            return observable
+        # The standard deviation may mislead: test the likelihood, with the caller's priors alone.
         limit = self.options.threshold_px**2
         problem = self.problem(summary.variance)
-        deceived = another_focal_fits(row, problem, limit, MAX_RATIO * summary.variance)
-        return replace(seen, focal=False, distance=False) if deceived else seen
-
-    def _translation(self, row: Array) -> Array:
-        """Return to the board's own origin and unit: R (X - m) / s + t, times s."""
-        rotation = row[:TRANSLATION].reshape(3, 3)
-        moved: Array = self.view.board_size * row[TRANSLATION:G]
-        moved -= rotation[:, :2] @ self.view.board_mean
-        return moved
+        if another_focal_fits(row, problem, limit, MAX_RATIO * summary.variance):
+            return replace(observable, focal=False, distance=False)
+        return observable
 
     def _solution(self, row: Array) -> Solution:
         camera = self.camera
         if camera is None:
             g, h = row[G:].tolist()
             camera = DivisionCamera.unchecked(g, self.view.center_px, h * g)
-        rotation = row[:TRANSLATION].reshape(3, 3).copy()
-        return Solution(camera, Pose.unchecked(rotation, self._translation(row)))
+        return Solution(camera, self.view.observation.pose_from_row(row))
 
 
-def _stop(stop: Status, seen: Observability) -> Status:
-    """Say first what people must know first."""
-    if stop is Status.FOUR_POINTS or not seen.undetermined:
-        return stop
+def _final_status(status: Status, observable: Observability) -> Status:
+    if status is Status.FOUR_POINTS or not observable.undetermined:
+        return status
     return Status.UNDETERMINED
 
 
-def no_estimate(stop: Status, n: int, iterations: int) -> PoseEstimate:
-    """Answer that there is none, and why."""
-    return PoseEstimate(
-        model=None,
-        status=stop,
-        inliers=np.zeros(n, dtype=bool),
-        rms_px=math.nan,
-        iterations=iterations,
-        covariance=np.full((8, 8), np.nan),
-        alternatives=(),
-        observable=Observability(),
+class Assessment(NamedTuple):
+    """
+    Arrays of a result, filled in place.
+
+    squares (N,) px² and covariance (8, 8) of the model; others (MAX_OTHERS, ROW_SIZE) and their
+    costs (MAX_OTHERS,) px².
+    """
+
+    squares: Array
+    covariance: Array
+    others: Array
+    costs: Array
+
+
+class Summary(NamedTuple):
+    """Number of inliers, sum of their squared errors, noise variance (px²), number of others."""
+
+    inliers: int
+    total: float
+    variance: float
+    others: int
+
+
+def assessment(n: int) -> Assessment:
+    """Allocate the arrays for a view of n points."""
+    return Assessment(
+        np.empty(n), np.empty((8, 8)), np.empty((MAX_OTHERS, ROW_SIZE)), np.empty(MAX_OTHERS)
     )
+
+
+@jit
+def inliers_of(row: Array, problem: Problem, limit: float, squares: Array) -> tuple[int, float]:
+    """Write the squared errors; return the number and the sum of those below the limit."""
+    squared_errors(row, problem, squares)
+    count = 0
+    total = 0.0
+    for square in squares:
+        if square < limit:
+            count += 1
+            total += square
+    return count, total
+
+
+@jit
+def measured_noise(
+    problem: Problem, of_prior: float, inliers: tuple[int, float], limit: float, sigma_px: float
+) -> tuple[float, int]:
+    """
+    Return the noise variance, px², and the number of spare coordinates that measured it.
+
+    of_prior: the prior's squared residuals, px². Zero spare coordinates: the noise was given
+    (sigma_px > 0), or four points leave too few.
+    """
+    if sigma_px > 0.0:
+        return sigma_px * sigma_px, 0
+    count, total = inliers
+    prior = problem.prior
+    known = (1 if prior.focal_weight > 0.0 else 0) + (1 if prior.k_weight > 0.0 else 0)
+    spare = 2 * count + known - problem.unknowns
+    if len(problem.image) == 4 or spare <= 0:
+        return DEFAULT_SIGMA_PX * DEFAULT_SIGMA_PX, 0
+    return noise_variance(total + of_prior, spare, limit), spare
+
+
+@jit
+def assess(
+    row: Array,
+    problem: Problem,
+    limit: float,
+    sigma_px: float,
+    board: tuple[float, float, float],
+    seek: bool,
+    steps: int,
+    arrays: Assessment,
+) -> tuple[int, float, float, int]:
+    """
+    Refine ``row`` in place, in at most ``steps``, and fill the arrays of its assessment.
+
+    sigma_px 0: the noise is measured. seek: whether to search for other optima. Return the fields
+    of ``Summary``.
+    """
+    work = ransac_work()
+    cost, count, total, variance, spare = _refined(
+        row, problem, limit, sigma_px, board, steps, arrays, work
+    )
+    others = 0
+    if seek:
+        excess = largest_excess(variance, spare, MAX_RATIO)
+        others = other_optima(problem, row, cost, limit, excess, arrays.others, arrays.costs, work)
+        if _exchanged(row, cost, others, arrays, work):
+            _, count, total, variance, _ = _refined(
+                row, problem, limit, sigma_px, board, steps, arrays, work
+            )
+    return count, total, variance, others
+
+
+@jit
+def _refined(
+    row: Array,
+    problem: Problem,
+    limit: float,
+    sigma_px: float,
+    board: tuple[float, float, float],
+    steps: int,
+    arrays: Assessment,
+    work: RansacWork,
+) -> tuple[float, int, float, float, int]:
+    """Return the cost, the inliers' number and sum, the noise and its spare coordinates."""
+    work.local[:] = row
+    cost = minimise(work.local, problem, limit, steps, _TOLERANCE, work.refine)
+    if plausible(work.local, problem):
+        row[:] = work.local
+    else:
+        cost = truncated_cost(row, problem, limit, math.inf)
+    count, total = inliers_of(row, problem, limit, arrays.squares)
+    variance, spare = measured_noise(
+        problem, prior_cost(row, problem.prior), (count, total), limit, sigma_px
+    )
+    normal_equations(row, problem, limit, work.refine)
+    widened = posterior_variance(variance, spare, limit)
+    system = work.refine.system
+    covariance_from(
+        work.refine.normal, problem.unknowns, widened, row, board, system, arrays.covariance
+    )
+    return cost, count, total, variance, spare
+
+
+@jit
+def _exchanged(row: Array, cost: float, others: int, arrays: Assessment, work: RansacWork) -> bool:
+    """Exchange the row with the best of the others if that is better; return whether it is."""
+    best = -1
+    for i in range(others):
+        if arrays.costs[i] < cost * _BETTER:
+            cost = arrays.costs[i]
+            best = i
+    if best >= 0:
+        work.local[:] = row
+        row[:] = arrays.others[best]
+        arrays.others[best] = work.local
+    return best >= 0
+
+
+@jit
+def refine_wide(row: Array, problem: Problem, wide: float, limit: float) -> None:
+    """Refine a distant row, first with a wide limit."""
+    work = ransac_work().refine
+    minimise(row, problem, wide, STEPS, _TOLERANCE, work)
+    minimise(row, problem, limit, STEPS, _TOLERANCE, work)
+
+
+@jit
+def solve_four(problem: Problem, rows: Array) -> int:
+    """Write the solutions of exactly four points; return their number."""
+    return hypotheses(problem, np.arange(4), rows, ransac_work().solver)
+
+
+@jit
+def refine_all(rows: Array, count: int, problem: Problem, costs: Array) -> None:
+    """Refine each row over all points, without outliers; write the costs (count,)."""
+    work = ransac_work()
+    for s in range(count):
+        costs[s] = minimise(rows[s], problem, math.inf, STEPS, _TOLERANCE, work.refine)

@@ -7,21 +7,36 @@ from __future__ import annotations
 
 from dataclasses import replace
 import functools
+import math
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .describe import Answering, no_estimate
-from .estimation import Estimation
-from .results import EstimateOptions, PoseEstimate, Status
+from .ambiguity import same_optimum
+from .describe import MAX_RATIO, refine_all, refine_wide, solve_four, ViewProblem
+from .free_camera import NO_PRIOR
+from .known_camera import weak_perspective_rows
+from .least_squares import known_problem, POSE, Problem, truncated_cost
+from .ransac import Search, search_best
+from .results import EstimateOptions, no_estimate, PoseEstimate, Status
 from ..cameras.camera_info import CameraInfoModel
 from ..cameras.closest_division import division_camera_from_model
 from ..cameras.division import DivisionCamera
-from ..geometry import as_points
-from ..model.observation import prepare
+from ..geometry import Array, as_points
+from ..minimal.roots import MAX_ROOTS
+from ..minimal.solution import G, H, ROW_SIZE
+from ..model.observation import (
+    checked_image_size,
+    FEWEST_POINTS,
+    image_center_px,
+    Observation,
+    observe,
+)
 
 _DEFAULTS = EstimateOptions()
-_FEWEST_POINTS = 4
+
+# A guessed camera misses by some pixels: its pose is searched with a wider threshold (of squares).
+_WIDE = 100.0
 
 
 def estimate_pose(
@@ -39,11 +54,12 @@ def estimate_pose(
     Parameters
     ----------
     image_points : (N, 2) array, N ≥ 4
-        Raw pixels; pixel centres are integers.
+        Raw pixels; pixel centres are integers. OpenCV's (N, 1, 2) is accepted too.
     board_points : (N, 2) array
-        The same points on the board's plane Z = 0, metres (or any unit; translation shares it).
+        The same points on the board's plane Z = 0, metres (or any unit; the translation has the
+        same). OpenCV's (N, 3) with Z = 0 is accepted too.
     image_size
-        (width, height), px: gives the default centre, and what the field of view is of.
+        (width, height), px: gives the default centre, and the image's corners.
     center_px
         Principal point and distortion centre; by default the middle of the image.
     camera
@@ -51,53 +67,200 @@ def estimate_pose(
         not needed. With a CameraInfoModel, ``model.camera`` of the result is the division camera
         closest to it.
     options
-        How to search.
+        Options of the search.
 
     Raises
     ------
     ValueError
-        A wrong shape, a number that is not finite, or nothing that says where the centre is.
+        A wrong shape, a number that is not finite, or neither image_size, center_px nor camera.
+    TypeError
+        camera or options is of another type.
 
     """
+    options = _checked_options(options)
+    observation = observe(image_points, board_points)
+    size = checked_image_size(image_size)
     if isinstance(camera, CameraInfoModel):
-        return _by_camera_info(image_points, board_points, camera, options)
-    view = prepare(image_points, board_points, image_size, center_px, camera)
-    if view.collinear:
-        return no_estimate(Status.COLLINEAR, len(view.image), 0)
-    return Estimation(Answering(view, camera, options or _DEFAULTS)).run()
+        return _estimate_by_model(observation, camera, options)
+    if camera is not None and not isinstance(camera, DivisionCamera):
+        raise TypeError(
+            f'camera must be a DivisionCamera or a CameraInfoModel, got {type(camera).__name__}'
+        )
+    if camera is None and center_px is not None:
+        x, y = as_points(center_px, 'center_px', (2,)).tolist()
+        center_px = x, y
+    return estimate_observation(observation, size, center_px, camera, options)
 
 
-def _by_camera_info(
-    image_points: ArrayLike,
-    board_points: ArrayLike,
-    model: CameraInfoModel,
-    options: EstimateOptions | None,
+def estimate_observation(
+    observation: Observation,
+    image_size: tuple[float, float] | None,
+    center_px: tuple[float, float] | None,
+    camera: DivisionCamera | None,
+    options: EstimateOptions,
+) -> PoseEstimate:
+    """
+    Estimate as `estimate_pose` does, from an observation that has been checked and scaled.
+
+    Raises
+    ------
+    ValueError
+        Neither image_size, center_px nor camera is given; coordinates without finite squares.
+
+    """
+    if camera is not None:
+        center_px = camera.center_px
+    elif center_px is None:
+        if image_size is None:
+            raise ValueError('image_size, center_px or camera must be given: they fix the centre')
+        center_px = image_center_px(image_size)
+    view = observation.centered(center_px, image_size)
+    if observation.collinear:
+        return no_estimate(Status.COLLINEAR, len(view), 0)
+    problem = ViewProblem(view, camera, options)
+    return _from_four(problem) if len(view) == 4 else _from_many(problem)
+
+
+def _checked_options(options: EstimateOptions | None) -> EstimateOptions:
+    if options is None:
+        return _DEFAULTS
+    if not isinstance(options, EstimateOptions):
+        raise TypeError(f'options must be EstimateOptions, got {type(options).__name__}')
+    return options
+
+
+def _estimate_by_model(
+    observation: Observation, model: CameraInfoModel, options: EstimateOptions
 ) -> PoseEstimate:
     """
     Estimate the pose by a camera of another model than ours.
 
     Each pixel's ray is exact by that model. It is projected by the closest division camera, so
-    that threshold, rms_px and covariance are in raw pixels (but for the residual between the two
+    that threshold, rms_px and covariance are in raw pixels (up to the residual between the two
     models) at the rim of wide lenses too, where an undistorted plane would stretch them.
     """
-    raw = as_points(image_points, 'image_points', (None, 2))
-    board = as_points(board_points, 'board_points', (len(raw), 2))
-    if len(raw) < _FEWEST_POINTS:
-        raise ValueError(f'image_points must be at least {_FEWEST_POINTS}, got {len(raw)}')
     camera = _closest(model)
-    moved = camera.project(model.unproject(raw))
-    seen = ~np.isnan(moved).any(axis=1)
-    if np.count_nonzero(seen) < _FEWEST_POINTS:
-        return no_estimate(Status.NO_SOLUTION, len(raw), 0)
-    estimate = estimate_pose(
-        moved[seen], board[seen], image_size=model.image_size, camera=camera, options=options
-    )
-    inliers = np.zeros(len(raw), dtype=bool)
-    inliers[seen] = estimate.inliers
+    moved = camera.project(model.unproject(observation.image_points))
+    visible = ~np.isnan(moved).any(axis=1)
+    if np.count_nonzero(visible) < FEWEST_POINTS:
+        return no_estimate(Status.NO_SOLUTION, len(observation), 0)
+    projected = observe(moved[visible], observation.board_points[visible])
+    estimate = estimate_observation(projected, model.image_size, None, camera, options)
+    inliers = np.zeros(len(observation), dtype=bool)
+    inliers[visible] = estimate.inliers
     return replace(estimate, inliers=inliers)
 
 
 @functools.lru_cache(maxsize=16)
 def _closest(model: CameraInfoModel) -> DivisionCamera:
-    """Return the closest division camera, kept from view to view."""
+    """Return the closest division camera, cached from view to view."""
     return division_camera_from_model(model)[0]
+
+
+def _from_four(view: ViewProblem) -> PoseEstimate:
+    """Rank the solutions of exactly four points."""
+    problem = view.problem()
+    rows = np.empty((MAX_ROOTS + 1, ROW_SIZE))
+    costs = np.empty(MAX_ROOTS + 1)
+    count = solve_four(problem, rows)
+    if problem.unknowns == POSE:
+        return _pose_of_four(view, problem, rows[:count])
+    start = _typical_start(view) if count == 0 or view.has_focal_prior else None
+    if start is not None:
+        rows[count] = start
+        count += 1
+    if count == 0:
+        return no_estimate(Status.NO_SOLUTION, 4, 1)
+    # All four are inliers. Without a prior a free camera fits them exactly.
+    refine_all(rows, count, problem, costs)
+    if count == 1:
+        return view.describe(rows[0], problem, None, Status.FOUR_POINTS, 1)
+    ranked = _ranked(rows[:count], costs[:count], view, problem.prior != NO_PRIOR)
+    return view.describe(ranked[0], problem, ranked[1:], Status.FOUR_POINTS, 1)
+
+
+def _pose_of_four(view: ViewProblem, problem: Problem, rows: Array) -> PoseEstimate:
+    """Refine the pose by a known camera from its closed form, or from weak perspective."""
+    costs = np.empty(2)
+    refine_all(rows, len(rows), problem, costs)
+    if len(rows) == 0 or not costs[0] < view.options.threshold_px**2:
+        rows = weak_perspective_rows(problem.rays, problem.board)
+        refine_all(rows, len(rows), problem, costs)
+    if len(rows) == 0:
+        return no_estimate(Status.NO_SOLUTION, 4, 1)
+    best = rows[np.argmin(costs[: len(rows)])]
+    return view.describe(best, problem, None, Status.FOUR_POINTS, 1)
+
+
+def _from_many(view: ViewProblem) -> PoseEstimate:
+    """Search, refine, and look for other optima."""
+    best = np.empty(ROW_SIZE)
+    search = _search(view, 1.0)
+    problem = view.problem()
+    iterations, cost = search_best(problem, search, best)
+    if view.has_focal_prior:
+        # Samples of a fronto-parallel view have any focal length but that of the prior.
+        start = _typical_start(view)
+        if start is not None and truncated_cost(start, problem, search.limit, cost) < cost:
+            best, cost = start, 0.0
+    status = Status.SPENT if iterations == search.max_iterations else Status.CONFIDENT
+    estimate = no_estimate(Status.NO_SOLUTION, len(problem.image), iterations)
+    if cost < math.inf:
+        estimate = view.describe(best, problem, None, status, iterations)
+    if estimate.model is None and not view.has_focal_prior:
+        for start in _other_starts(view):
+            other = view.describe(start, problem, None, status, iterations)
+            if other.model is not None:
+                return other
+    return estimate
+
+
+def _other_starts(view: ViewProblem) -> Array:
+    """Return rows (n, ROW_SIZE) for a view whose samples have no solution, or a bad one."""
+    if view.camera is None:
+        start = _typical_start(view)
+        return np.empty((0, ROW_SIZE)) if start is None else start[None]
+    problem = view.problem()
+    rows = weak_perspective_rows(problem.rays, problem.board)
+    refine_all(rows, len(rows), problem, np.empty(len(rows)))
+    return rows
+
+
+def _search(view: ViewProblem, widen: float) -> Search:
+    options = view.options
+    return Search(
+        widen * options.threshold_px**2,
+        options.confidence,
+        min(options.min_iterations, math.comb(len(view.view), 4)),
+        options.max_iterations,
+        options.seed,
+    )
+
+
+def _typical_start(view: ViewProblem) -> Array | None:
+    """Return a row by the camera of the priors or a typical one, refined with it as a prior."""
+    typical = view.problem(typical_focal=True, typical_k=True)
+    focal_px, k = typical.prior.focal_px, typical.prior.k
+    lens = DivisionCamera(focal_px, (0.0, 0.0), k)
+    known = known_problem(typical.image, typical.board, typical.gates, lens)
+    row = np.empty(ROW_SIZE)
+    search = _search(view, _WIDE)
+    if not search_best(known, search, row)[1] < math.inf:
+        return None
+    row[G], row[H] = focal_px, k / focal_px
+    refine_wide(row, typical, search.limit, view.options.threshold_px**2)
+    return row
+
+
+def _ranked(rows: Array, costs: Array, view: ViewProblem, by_cost: bool) -> Array:
+    """Sort solutions by cost, or if all cost nothing by how typical their cameras are."""
+    if by_cost:
+        order = np.argsort(costs, kind='stable')
+        order = order[costs[order] - costs.min() <= MAX_RATIO * view.sigma_px**2]
+    else:
+        order = np.argsort([view.surprise(row) for row in rows], kind='stable')
+    different: list[Array] = []
+    for row in rows[order]:
+        if not any(same_optimum(row, other) for other in different):
+            different.append(row)
+    return np.array(different)

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A view by an unknown camera: its solver, its reprojection error and the Jacobian.
+A view by an unknown camera: its solver, reprojection error, Jacobian, and priors.
 
 The pixel (x, y) from the centre sees the ray (x, y, g + h r²). A point P = (X, Y, Z) of the
 camera's frame therefore projects to σ (X, Y), with ρ² = X² + Y² and
@@ -18,9 +18,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ..geometry import Array
+from ..geometry import Array, TRANSLATION
 from ..jit import kernel
-from ..minimal.solution import G, H, ROW_SIZE, TRANSLATION
+from ..minimal.solution import G, H, ROW_SIZE
 from ..minimal.solver import solve_minimal, UNFOLDED, Workspace
 from ..model.normal_equations import add_point, fill_pose_columns
 
@@ -28,7 +28,7 @@ _SMALLEST_W = 1e-100
 
 
 class Gates(NamedTuple):
-    """What a camera must be: the corner's distance from the centre, and bounds on what it sees."""
+    """Limits of a plausible camera; corner_px: distance of the image's corner from the centre."""
 
     corner_px: float
     min_half_fov_rad: float
@@ -37,10 +37,10 @@ class Gates(NamedTuple):
 
 
 @kernel
-def hypotheses(gates: Gates, rows: Array, room: Workspace) -> int:
-    """Solve the room's sample; keep the plausible solutions in front; return their number."""
+def hypotheses(gates: Gates, rows: Array, work: Workspace) -> int:
+    """Solve the sample; move the plausible solutions to the front; return their number."""
     kept = 0
-    found = solve_minimal(room.sample_image, room.sample_board, UNFOLDED, rows, room)
+    found = solve_minimal(work.sample_image, work.sample_board, UNFOLDED, rows, work)
     for s in range(found):
         if plausible(rows[s], gates):
             for j in range(ROW_SIZE):
@@ -51,7 +51,7 @@ def hypotheses(gates: Gates, rows: Array, room: Workspace) -> int:
 
 @kernel
 def plausible(row: Array, gates: Gates) -> bool:
-    """Say whether a solution's camera is one that is built: field of view and distortion."""
+    """Return whether field of view and distortion of a solution's camera are within the limits."""
     # The corner's ray is (r, g + h r²).
     bend = row[H] * gates.corner_px * gates.corner_px
     half_fov_rad = math.atan2(gates.corner_px, row[G] + bend)
@@ -63,7 +63,7 @@ def plausible(row: Array, gates: Gates) -> bool:
 
 @kernel
 def squared_error(row: Array, board: Array, image: Array, i: int) -> float:
-    """Return the squared reprojection error of point i; infinite where it is not seen."""
+    """Return the squared reprojection error of point i; infinite if it is not visible."""
     bx, by = board[i, 0], board[i, 1]
     x = row[0] * bx + row[1] * by + row[TRANSLATION]
     y = row[3] * bx + row[4] * by + row[TRANSLATION + 1]
@@ -76,7 +76,7 @@ def squared_error(row: Array, board: Array, image: Array, i: int) -> float:
 
 @kernel
 def truncated_sum(row: Array, board: Array, image: Array, limit: float, enough: float) -> float:
-    """Sum the squared errors, each cut off at limit; stop where the sum passes enough."""
+    """Sum the squared errors, each truncated at limit; stop if the sum exceeds enough."""
     total = 0.0
     for i in range(len(image)):
         total += min(squared_error(row, board, image, i), limit)
@@ -87,7 +87,7 @@ def truncated_sum(row: Array, board: Array, image: Array, limit: float, enough: 
 
 @kernel
 def linearise(row: Array, board: Array, image: Array, i: int, jacobian: Array) -> None:
-    """Write the (2, 9) derivatives and residual of point i; NaN where it is not seen."""
+    """Write the (2, 9) derivatives and residual of point i; NaN if it is not visible."""
     bx, by = board[i, 0], board[i, 1]
     qx, qy, qz = row[0] * bx + row[1] * by, row[3] * bx + row[4] * by, row[6] * bx + row[7] * by
     x, y, z = qx + row[TRANSLATION], qy + row[TRANSLATION + 1], qz + row[TRANSLATION + 2]
@@ -97,7 +97,7 @@ def linearise(row: Array, board: Array, image: Array, i: int, jacobian: Array) -
         jacobian[0, 8] = jacobian[1, 8] = math.nan
         return
     rho2 = x * x + y * y
-    # At the fold, w = 0, the derivatives are infinite; huge ones end no step either.
+    # At the fold, w = 0, the derivatives are infinite; huge ones serve as well.
     inverse = 1.0 / max(math.sqrt(max(z * z - 4.0 * g * h * rho2, 0.0)), _SMALLEST_W)
     # dσ = s_x dX + s_y dY + s_z dZ + s_g dg + s_h dh
     bend = 2.0 * h * sigma * sigma * inverse
@@ -124,7 +124,7 @@ def add_points(
 
 @kernel
 def _scale(x: float, y: float, z: float, g: float, h: float) -> float:
-    """Return σ of a point of the camera's frame; NaN where no pixel sees it."""
+    """Return σ of a point of the camera's frame; NaN if no pixel sees it."""
     gh4 = 4.0 * g * h
     rho2 = x * x + y * y
     square = z * z - gh4 * rho2
@@ -134,3 +134,42 @@ def _scale(x: float, y: float, z: float, g: float, h: float) -> float:
     # Behind the image plane Z + w cancels; the other form of the same root does not.
     sigma = 2.0 * g / (z + w) if z > 0.0 else 2.0 * g * (z - w) / (gh4 * rho2)
     return sigma if sigma > 0.0 else math.nan
+
+
+class Prior(NamedTuple):
+    """
+    Gaussian priors on the focal length (px) and k; weight 0: no prior.
+
+    A weight is the variance of the image noise over that of the prior, so that the prior's
+    squares are in px² like those of the points.
+    """
+
+    focal_px: float
+    focal_weight: float
+    k: float
+    k_weight: float
+
+
+NO_PRIOR = Prior(0.0, 0.0, 0.0, 0.0)
+
+
+@kernel
+def prior_cost(row: Array, prior: Prior) -> float:
+    """Return the squared residuals of the prior, px²."""
+    by_focal = row[G] - prior.focal_px
+    by_k = row[G] * row[H] - prior.k
+    cost: float = prior.focal_weight * by_focal * by_focal + prior.k_weight * by_k * by_k
+    return cost
+
+
+@kernel
+def add_prior(row: Array, prior: Prior, normal: Array) -> None:
+    """Add the prior to the upper triangle of JᵀJ and, in column 8, to Jᵀr."""
+    # k = g h:  dk = h dg + g dh.
+    g, h = row[G], row[H]
+    by_focal, by_k = g - prior.focal_px, g * h - prior.k
+    normal[6, 6] += prior.focal_weight + prior.k_weight * h * h
+    normal[6, 7] += prior.k_weight * h * g
+    normal[7, 7] += prior.k_weight * g * g
+    normal[6, 8] += prior.focal_weight * by_focal + prior.k_weight * h * by_k
+    normal[7, 8] += prior.k_weight * g * by_k

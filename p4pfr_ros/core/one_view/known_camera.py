@@ -2,28 +2,32 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A view by a known camera: pose alone, by the camera's rays, whatever its lens.
+A view by a known camera: the pose alone, by the camera's rays, for any lens.
 
-With the rays ρᵢ of four points, Σ mᵢ λᵢ ρᵢ = 0 (see ``cone``) is three equations in four depths:
-by Cramer's rule mᵢ λᵢ = ± det(the other three rays), and the pose follows in closed form.
+With the rays ρᵢ of four points, Σ mᵢ λᵢ ρᵢ = 0 (see ``minimal.cone``) is three equations in four
+depths: by Cramer's rule mᵢ λᵢ = ± det(the other three rays), and the pose follows in closed form.
 
-Errors are in pixels all the same: close to its ray, a point P of the camera's frame misses its
+Errors are in pixels nevertheless: close to its ray, a point P of the camera's frame misses its
 pixel by  e = W P / (ρ · P),  ρ the unit ray and W (2, 3) the pixels per unit of displacement
-across it (W ρ = 0). That is exact at e = 0 and of first order about it, for any camera.
+across it (W ρ = 0). This is exact at e = 0 and of first order about it, for any camera.
 """
 
 from __future__ import annotations
 
 import math
 
-from ..geometry import Array, Ints
+import numpy as np
+
+from ..geometry import Array, Ints, TRANSLATION
 from ..jit import kernel
 from ..minimal.cone import board_weights
-from ..minimal.normalise import board_duals, unscale
-from ..minimal.pose import orthogonal_factor
-from ..minimal.solution import G, H, TRANSLATION
+from ..minimal.pose import board_duals, orthogonal_factor, unscale
+from ..minimal.solution import G, H, ROW_SIZE
 from ..minimal.solver import Workspace
 from ..model.normal_equations import add_point, fill_pose_columns
+
+# Rays within this angle, radians, coincide.
+_ONE_RAY = 1e-12
 
 
 @kernel
@@ -41,7 +45,7 @@ def rays_and_across(
         rays[i, 0], rays[i, 1], rays[i, 2] = x / length, y / length, z / length
         # A pixel d = (x, y) sees P where  X z = x Z  and  Y z = y Z. At P = (x, y, z), the ray:
         #     (z - s x²) dx - s x y dy = z dX - x dZ,   likewise for y,   s = slope.
-        # The determinant is z (z - s r²); z cancels, so rays square to the axis are no exception.
+        # The determinant is z (z - s r²); z cancels, so z = 0 needs no special case.
         scale = focal_px * length / (z - slope * r2)
         across[i, 0, 0] = scale * (z - slope * y * y)
         across[i, 0, 1] = across[i, 1, 0] = scale * slope * x * y
@@ -51,12 +55,12 @@ def rays_and_across(
 
 
 @kernel
-def hypothesis(rays: Array, chosen: Ints, row: Array, room: Workspace) -> int:
-    """Write the pose of the room's sample, where there is one; return 1 or 0."""
+def hypothesis(rays: Array, chosen: Ints, row: Array, work: Workspace) -> int:
+    """Write the pose of the sample, if there is one; return 1 or 0."""
     a, b, c, d = rays[chosen[0]], rays[chosen[1]], rays[chosen[2]], rays[chosen[3]]
-    m = room.weights
-    # With three points of the board on a line the fourth's depth is open to Cramer's rule.
-    if not board_weights(room.sample_board, m) or m[0] * m[1] * m[2] * m[3] == 0.0:
+    m = work.weights
+    # With three collinear board points Cramer's rule does not determine the fourth's depth.
+    if not board_weights(work.sample_board, m) or m[0] * m[1] * m[2] * m[3] == 0.0:
         return 0
     depths = (
         _determinant(b, c, d) / m[0],
@@ -66,11 +70,11 @@ def hypothesis(rays: Array, chosen: Ints, row: Array, room: Workspace) -> int:
     )
     if min(depths) * max(depths) <= 0.0:
         return 0
-    size = board_duals(room.sample_board, room.board, room.duals)
-    if not _pose_from_depths(depths, (a, b, c, d), room.duals, row):
+    size = board_duals(work.sample_board, work.board, work.duals)
+    if not _pose_from_depths(depths, (a, b, c, d), work.duals, row):
         return 0
     row[G], row[H] = 1.0, 0.0
-    unscale(row, room.sample_board, 1.0, size)
+    unscale(row, work.sample_board, 1.0, size)
     return 1
 
 
@@ -81,7 +85,7 @@ def _pose_from_depths(
     duals: Array,
     row: Array,
 ) -> bool:
-    """Write rotation and centroid of the corners Qᵢ = λᵢ ρᵢ: the board's, but for one scale."""
+    """Write rotation and centroid of the corners Qᵢ = λᵢ ρᵢ, which are the board's up to scale."""
     sign = 1.0 if depths[0] > 0.0 else -1.0
     h1 = h2 = h3 = 0.0j
     mx = my = mz = 0.0
@@ -134,7 +138,7 @@ def squared_error(row: Array, board: Array, rays: Array, across: Array, i: int) 
 def truncated_sum(
     row: Array, board: Array, rays: Array, across: Array, limit: float, enough: float
 ) -> float:
-    """Sum the squared errors, each cut off at limit; stop where the sum passes enough."""
+    """Sum the squared errors, each truncated at limit; stop if the sum exceeds enough."""
     total = 0.0
     for i in range(len(board)):
         total += min(squared_error(row, board, rays, across, i), limit)
@@ -181,3 +185,44 @@ def add_points(
         linearise(row, board, rays, across, i, jacobian)
         count += add_point(jacobian, limit, 6, normal)
     return count
+
+
+def weak_perspective_rows(rays: Array, board: Array) -> Array:
+    """
+    Return two rows (2, ROW_SIZE) by weak perspective, each the flip of the other.
+
+    rays (N, 3), board (N, 2). Empty if the rays coincide or span more than a half space. Four
+    noisy, nearly collinear points may have no closed form; they have a weak perspective pose.
+    """
+    sight = rays.mean(axis=0)
+    if not (rays @ sight > 0.0).all():
+        return np.empty((0, ROW_SIZE))
+    to_sight = _turn_to_axis(sight / np.linalg.norm(sight))
+    turned = rays @ to_sight.T
+    flat = turned[:, :2] / turned[:, 2:]
+    # About the mean ray (x, y) ≈ A X + b, where A is 1/Z times R's upper left block: its
+    # singular values are 1/Z and cos(tilt)/Z.
+    columns = np.column_stack([board, np.ones(len(board))])
+    affine = np.linalg.lstsq(columns, flat, rcond=None)[0]
+    u, (largest, smallest), v = np.linalg.svd(affine[:2].T)
+    if not largest > _ONE_RAY:
+        return np.empty((0, ROW_SIZE))
+    cosine = min(smallest / largest, 1.0)
+    sine = np.sqrt(1.0 - cosine**2)
+    rows = np.empty((2, ROW_SIZE))
+    for row, sign in zip(rows, (1.0, -1.0), strict=True):
+        first = np.vstack([u @ np.diag([1.0, cosine]), [0.0, sign * sine]]) @ v
+        rotation = np.column_stack([first, np.cross(first[:, 0], first[:, 1])])
+        row[:TRANSLATION] = (to_sight.T @ rotation).ravel()
+        row[TRANSLATION:G] = to_sight.T @ [*affine[2], 1.0] / largest
+        row[G], row[H] = 1.0, 0.0
+    return rows
+
+
+def _turn_to_axis(direction: Array) -> Array:
+    """Return a rotation (3, 3) of a unit vector to the z axis."""
+    helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    x = np.cross(helper, direction)
+    x /= np.linalg.norm(x)
+    turn: Array = np.vstack([x, np.cross(direction, x), direction])
+    return turn

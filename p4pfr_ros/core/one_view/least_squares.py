@@ -1,7 +1,13 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Levenberg-Marquardt over the truncated squared reprojection error of one view."""
+"""
+Least squares of one view: the problem, Levenberg-Marquardt on its truncated error, the covariance.
+
+The camera is unknown (``free_camera``) or known (``known_camera``): a flag in the problem, not a
+function handed to the loops, because Numba cannot cache a function that has functions among its
+arguments. The branch is always taken the same way.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +16,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .prior import add_prior, prior_cost
-from .problem import add_points, POSE_AND_CAMERA, Problem, truncated_sum
-from ..geometry import Array
-from ..jit import jit
-from ..linalg import rotate, solve_in_place
-from ..minimal.solution import G, H, ROW_SIZE, TRANSLATION
+from . import free_camera, known_camera
+from .free_camera import add_prior, Gates, NO_PRIOR, Prior, prior_cost
+from ..cameras.division import DivisionCamera
+from ..geometry import Array, Ints, TRANSLATION
+from ..jit import jit, kernel
+from ..linalg import invert_information, rotate, solve_in_place
+from ..minimal.solution import G, H, ROW_SIZE
+from ..minimal.solver import Workspace
 from ..model.normal_equations import COLUMNS
+from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, pose_to_public
+
+# Number of unknowns: pose and camera, or pose alone if the camera is known.
+POSE_AND_CAMERA = 8
+POSE = 6
+
 
 # Damping, relative to the diagonal of JᵀJ.
 _FIRST_DAMPING = 1e-4
@@ -24,8 +38,118 @@ _SMALLEST_DAMPING = 1e-12
 _LARGEST_DAMPING = 1e8
 
 
-class LeastSquaresRoom(NamedTuple):
-    """Room to work in, made once."""
+class Problem(NamedTuple):
+    """
+    One view of a board.
+
+    image (N, 2) px from the centre, board (N, 2) scaled; unknowns: POSE_AND_CAMERA or POSE. With
+    a known camera, rays (N, 3) are the pixels' rays and across (N, 2, 3) their derivatives.
+    """
+
+    image: Array
+    board: Array
+    unknowns: int
+    gates: Gates
+    prior: Prior
+    rays: Array
+    across: Array
+
+
+def free_problem(image: Array, board: Array, gates: Gates, prior: Prior = NO_PRIOR) -> Problem:
+    """Make the problem of pose and camera."""
+    return Problem(image, board, POSE_AND_CAMERA, gates, prior, _NO_RAYS, _NO_ACROSS)
+
+
+def known_problem(image: Array, board: Array, gates: Gates, camera: DivisionCamera) -> Problem:
+    """Make the problem of the pose alone."""
+    rays, across = np.empty((len(image), 3)), np.empty((len(image), 2, 3))
+    lens = (camera.focal_px, camera.k, camera.k2, camera.k3)
+    known_camera.rays_and_across(image, lens, rays, across)
+    return Problem(image, board, POSE, gates, NO_PRIOR, rays, across)
+
+
+_NO_RAYS = np.empty((0, 3))
+_NO_ACROSS = np.empty((0, 2, 3))
+
+
+@jit
+def hypotheses(problem: Problem, chosen: Ints, rows: Array, work: Workspace) -> int:
+    """Solve for the four chosen points; write the plausible solutions; return their number."""
+    for i in range(4):
+        for j in range(2):
+            work.sample_image[i, j] = problem.image[chosen[i], j]
+            work.sample_board[i, j] = problem.board[chosen[i], j]
+    if problem.unknowns == POSE:
+        return known_camera.hypothesis(problem.rays, chosen, rows[0], work)
+    return free_camera.hypotheses(problem.gates, rows, work)
+
+
+@jit
+def plausible(row: Array, problem: Problem) -> bool:
+    """Return whether the row's camera is within the limits; a known camera always is."""
+    return problem.unknowns == POSE or free_camera.plausible(row, problem.gates)
+
+
+@jit
+def squared_error(row: Array, problem: Problem, i: int) -> float:
+    """Return the squared reprojection error of point i, px²; infinite if it is not visible."""
+    if problem.unknowns == POSE:
+        return known_camera.squared_error(row, problem.board, problem.rays, problem.across, i)
+    return free_camera.squared_error(row, problem.board, problem.image, i)
+
+
+@jit
+def truncated_sum(row: Array, problem: Problem, limit: float, enough: float) -> float:
+    """Sum the squared errors, each truncated at limit, px²; stop if the sum exceeds enough."""
+    board = problem.board
+    if problem.unknowns == POSE:
+        return known_camera.truncated_sum(row, board, problem.rays, problem.across, limit, enough)
+    return free_camera.truncated_sum(row, board, problem.image, limit, enough)
+
+
+@jit
+def linearise(row: Array, problem: Problem, i: int, jacobian: Array) -> None:
+    """
+    Write the (2, 9) derivatives and residual of point i, px; NaN if it is not visible.
+
+    Columns: by the rotation (radians about the camera's axes), the translation, g, h; residual.
+    """
+    if problem.unknowns == POSE:
+        known_camera.linearise(row, problem.board, problem.rays, problem.across, i, jacobian)
+    else:
+        free_camera.linearise(row, problem.board, problem.image, i, jacobian)
+
+
+@jit
+def add_points(row: Array, problem: Problem, limit: float, jacobian: Array, normal: Array) -> int:
+    """Add JᵀJ and Jᵀr (column 8) of the points within the limit; return their number."""
+    board = problem.board
+    if problem.unknowns == POSE:
+        return known_camera.add_points(
+            row, board, problem.rays, problem.across, limit, jacobian, normal
+        )
+    return free_camera.add_points(row, board, problem.image, limit, jacobian, normal)
+
+
+@jit
+def squared_errors(row: Array, problem: Problem, squares: Array) -> None:
+    """Write the squared errors, (N,) px²."""
+    for i in range(len(problem.image)):
+        squares[i] = squared_error(row, problem, i)
+
+
+@jit
+def count_within(row: Array, problem: Problem, limit: float) -> int:
+    """Return how many squared errors are below the limit, px²."""
+    count = 0
+    for i in range(len(problem.image)):
+        if squared_error(row, problem, i) < limit:
+            count += 1
+    return count
+
+
+class LeastSquaresWork(NamedTuple):
+    """Workspace, allocated once."""
 
     normal: Array
     system: Array
@@ -34,10 +158,10 @@ class LeastSquaresRoom(NamedTuple):
 
 
 @jit
-def least_squares_room() -> LeastSquaresRoom:
-    """Make the room that ``minimise`` works in."""
+def least_squares_work() -> LeastSquaresWork:
+    """Allocate the workspace of ``minimise``."""
     size = (POSE_AND_CAMERA, COLUMNS)
-    return LeastSquaresRoom(
+    return LeastSquaresWork(
         np.empty(size), np.empty(size), np.empty((2, COLUMNS)), np.empty(ROW_SIZE)
     )
 
@@ -45,20 +169,20 @@ def least_squares_room() -> LeastSquaresRoom:
 @jit
 def truncated_cost(row: Array, problem: Problem, limit: float, enough: float) -> float:
     """
-    Sum the squared errors, each cut off at ``limit`` px², and the prior's, which is not.
+    Sum the squared errors, each truncated at ``limit`` px², and the prior's, which are not.
 
-    It stops where the sum passes enough.
+    Stop if the sum exceeds enough.
     """
-    beforehand = prior_cost(row, problem.prior)
-    return beforehand + truncated_sum(row, problem, limit, enough - beforehand)
+    of_prior = prior_cost(row, problem.prior)
+    return of_prior + truncated_sum(row, problem, limit, enough - of_prior)
 
 
 @jit
-def normal_equations(row: Array, problem: Problem, limit: float, room: LeastSquaresRoom) -> int:
-    """Write JᵀJ and -Jᵀr over the points within the limit to the room; return their number."""
-    normal = room.normal
+def normal_equations(row: Array, problem: Problem, limit: float, work: LeastSquaresWork) -> int:
+    """Write JᵀJ and -Jᵀr over the points within the limit to ``work``; return their number."""
+    normal = work.normal
     normal[:, :] = 0.0
-    count = add_points(row, problem, limit, room.jacobian, normal)
+    count = add_points(row, problem, limit, work.jacobian, normal)
     add_prior(row, problem.prior, normal)
     for a in range(POSE_AND_CAMERA):
         for b in range(a):
@@ -74,27 +198,27 @@ def minimise(
     limit: float,
     max_steps: int,
     tolerance: float,
-    room: LeastSquaresRoom,
+    work: LeastSquaresWork,
 ) -> float:
     """
-    Lower the truncated cost from ``row`` on, in place; return the cost.
+    Minimise the truncated cost, starting from ``row`` and in place; return the cost.
 
-    It ends after max_steps trials, or where a step lowers the cost by no more than the share
-    ``tolerance``, or where no step lowers it at all.
+    It ends after max_steps trials, if a step lowers the cost by no more than the relative
+    ``tolerance``, or if no step lowers it.
     """
     cost = truncated_cost(row, problem, limit, math.inf)
     damping = _FIRST_DAMPING
     moved = True
     for _ in range(max_steps):
-        if moved and normal_equations(row, problem, limit, room) < 4:
+        if moved and normal_equations(row, problem, limit, work) < 4:
             break
         moved = False
         lower = math.inf
-        if _step(row, damping, problem.unknowns, room):
-            lower = truncated_cost(room.trial, problem, limit, cost)
+        if _step(row, damping, problem.unknowns, work):
+            lower = truncated_cost(work.trial, problem, limit, cost)
         if lower < cost:
             gain = cost - lower
-            row[:] = room.trial
+            row[:] = work.trial
             moved = True
             cost = lower
             damping = max(0.1 * damping, _SMALLEST_DAMPING)
@@ -108,14 +232,14 @@ def minimise(
 
 
 @jit
-def _step(row: Array, damping: float, unknowns: int, room: LeastSquaresRoom) -> bool:
-    """Write the row after one damped step to the room; False where there is none."""
-    system, trial = room.system, room.trial
+def _step(row: Array, damping: float, unknowns: int, work: LeastSquaresWork) -> bool:
+    """Write the row after one damped step to ``work``; return False if there is none."""
+    system, trial = work.system, work.trial
     for a in range(unknowns):
         for b in range(unknowns):
-            system[a, b] = room.normal[a, b]
+            system[a, b] = work.normal[a, b]
         system[a, a] *= 1.0 + damping
-        system[a, unknowns] = room.normal[a, 8]
+        system[a, unknowns] = work.normal[a, 8]
     if not solve_in_place(system, unknowns):
         return False
     rotate(row, system[0, unknowns], system[1, unknowns], system[2, unknowns], trial)
@@ -127,3 +251,40 @@ def _step(row: Array, damping: float, unknowns: int, room: LeastSquaresRoom) -> 
         trial[G] += system[6, unknowns]
         trial[H] += system[7, unknowns]
     return bool(trial[G] > 0.0)
+
+
+@jit
+def covariance_from(
+    normal: Array,
+    unknowns: int,
+    variance: float,
+    row: Array,
+    board: tuple[float, float, float],
+    system: Array,
+    covariance: Array,
+) -> None:
+    """
+    Write the (8, 8) covariance of x, y, z, rotation x, y, z, focal_px, k.
+
+    normal is JᵀJ by rotation, translation of the scaled board, g, h; with a known camera (six
+    unknowns) the rows and columns of focal_px and k are zero. board: the mean (x, y) subtracted
+    from the board's points (board units), and the size that divided them.
+    """
+    covariance[:, :] = 0.0
+    invert_information(normal, unknowns, system, covariance)
+    for j in range(COVARIANCE_SIZE):
+        _to_public(covariance[:, j], row, board)
+    for j in range(COVARIANCE_SIZE):
+        _to_public(covariance[j, :], row, board)
+    for a in range(COVARIANCE_SIZE):
+        for b in range(a + 1):
+            mean = 0.5 * variance * (covariance[a, b] + covariance[b, a])
+            covariance[a, b] = covariance[b, a] = mean
+
+
+@kernel
+def _to_public(v: Array, row: Array, board: tuple[float, float, float]) -> None:
+    """Convert (ω, t of the scaled board, g, h) to (t of the board's origin, ω, f, k), in place."""
+    pose_to_public(v, row, board)
+    # k = g h.
+    v[COV_K] = row[H] * v[COV_FOCAL] + row[G] * v[COV_K]

@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The robust loop: LO-MSAC, in one compiled function.
+The robust search: LO-MSAC, in one compiled function.
 
 Draw four points, solve, score by the truncated squared error (MSAC; Torr and Zisserman 2000),
 refine each new best by least squares over the same truncated error (LO; Chum, Matas and Kittler
-2003), and stop when a better sample is no longer likely.
+2003), and stop when a better sample is no longer likely. Samples are drawn without replacement;
+those too flat to solve are drawn again.
 """
 
 from __future__ import annotations
@@ -16,29 +17,42 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .least_squares import least_squares_room, LeastSquaresRoom, minimise, truncated_cost
-from .problem import count_within, hypotheses, plausible, Problem
-from .sampling import draw_sample, first_state, samples_needed, smallest_triangles
+from .least_squares import (
+    count_within,
+    hypotheses,
+    least_squares_work,
+    LeastSquaresWork,
+    minimise,
+    plausible,
+    Problem,
+    truncated_cost,
+)
 from ..geometry import Array, Ints
 from ..jit import jit
 from ..minimal.roots import MAX_ROOTS
 from ..minimal.solution import ROW_SIZE
 from ..minimal.solver import Workspace, workspace
 
-# A new best hypothesis is refined in few steps, at first with a wide gate: four noisy points
-# make a model that misses many of its inliers.
+# A new best hypothesis is refined in few steps, at first with a wide gate: a model of four noisy
+# points is far from many of its inliers.
 _WIDE = 100.0
 _WIDE_STEPS = 3
 _LOCAL_STEPS = 6
 _LOCAL_TOLERANCE = 1e-3
 
-# Where all of a view's points agree, with so many coordinates to spare, few samples do.
+# If all points are inliers, with this many spare coordinates, few samples are enough.
 _MANY = 16
 _FEW_SAMPLES = 3
 
 
+# A sample is drawn again if its largest triangle is below this share of the board's squared
+# extent, or not larger than the noise in the image.
+_SMALLEST_SHARE = 0.01
+_REDRAWS = 20
+
+
 class Search(NamedTuple):
-    """How long to look, and how far from a model a point may be."""
+    """Length of the search, and the largest distance of an inlier."""
 
     limit: float  # px², the square of the inliers' threshold
     confidence: float
@@ -47,36 +61,36 @@ class Search(NamedTuple):
     seed: int
 
 
-class RansacRoom(NamedTuple):
-    """Room for the loop, made once a call."""
+class RansacWork(NamedTuple):
+    """Workspace of the loop, allocated once a call."""
 
     chosen: Ints
     rows: Array
     local: Array
     solver: Workspace
-    refine: LeastSquaresRoom
+    refine: LeastSquaresWork
 
 
 @jit
-def ransac_room() -> RansacRoom:
-    """Make the room; inside compiled code that costs less than handing it over."""
-    return RansacRoom(
+def ransac_work() -> RansacWork:
+    """Allocate the workspace; in compiled code this costs less than passing it as an argument."""
+    return RansacWork(
         np.empty(4, dtype=np.int64),
         np.empty((MAX_ROOTS, ROW_SIZE)),
         np.empty(ROW_SIZE),
         workspace(),
-        least_squares_room(),
+        least_squares_work(),
     )
 
 
 @jit
 def search_best(problem: Problem, search: Search, best: Array) -> tuple[int, float]:
     """
-    Find the model of least truncated cost; write it to ``best`` (ROW_SIZE,).
+    Find the model with the smallest truncated cost; write it to ``best`` (ROW_SIZE,).
 
-    Returned are the number of samples and the cost in px², infinite where none had a solution.
+    Return the number of samples and the cost in px², which is infinite if none had a solution.
     """
-    room = ransac_room()
+    work = ransac_work()
     cost = math.inf
     state = first_state(search.seed)
     smallest = smallest_triangles(problem.board, search.limit)
@@ -87,14 +101,14 @@ def search_best(problem: Problem, search: Search, best: Array) -> tuple[int, flo
         if iteration >= min(at_least, search.min_iterations) and iteration >= needed:
             break
         iteration += 1
-        state = draw_sample(problem.image, problem.board, smallest, state, room.chosen)
-        for s in range(hypotheses(problem, room.chosen, room.rows, room.solver)):
-            row = room.rows[s]
+        state = draw_sample(problem.image, problem.board, smallest, state, work.chosen)
+        for s in range(hypotheses(problem, work.chosen, work.rows, work.solver)):
+            row = work.rows[s]
             score = truncated_cost(row, problem, search.limit, cost)
             if not score < cost:
                 continue
             best[:] = row
-            cost = _local_optimum(score, problem, search.limit, best, room)
+            cost = _local_optimum(score, problem, search.limit, best, work)
             inliers = count_within(best, problem, search.limit)
             if inliers == len(problem.image) and 2 * inliers >= problem.unknowns + _MANY:
                 at_least = _FEW_SAMPLES
@@ -104,14 +118,94 @@ def search_best(problem: Problem, search: Search, best: Array) -> tuple[int, flo
 
 @jit
 def _local_optimum(
-    cost: float, problem: Problem, limit: float, best: Array, room: RansacRoom
+    cost: float, problem: Problem, limit: float, best: Array, work: RansacWork
 ) -> float:
-    """Refine ``best`` in place where that lowers its cost; return the cost."""
-    local = room.local
+    """Refine ``best`` in place if that lowers its cost; return the cost."""
+    local = work.local
     local[:] = best
-    minimise(local, problem, _WIDE * limit, _WIDE_STEPS, _LOCAL_TOLERANCE, room.refine)
-    lower = minimise(local, problem, limit, _LOCAL_STEPS, _LOCAL_TOLERANCE, room.refine)
+    minimise(local, problem, _WIDE * limit, _WIDE_STEPS, _LOCAL_TOLERANCE, work.refine)
+    lower = minimise(local, problem, limit, _LOCAL_STEPS, _LOCAL_TOLERANCE, work.refine)
     if lower < cost and plausible(local, problem):
         best[:] = local
         return lower
     return cost
+
+
+@jit
+def first_state(seed: int) -> int:
+    """Return the first state of the random generator: 32 bits, not zero."""
+    return 2463534242 ^ (seed & 0x7FFFFFFF)
+
+
+@jit
+def draw_sample(
+    image: Array, board: Array, smallest: tuple[float, float], state: int, chosen: Ints
+) -> int:
+    """Write four different indices to ``chosen``; return the generator's next state."""
+    for _ in range(_REDRAWS):
+        for i in range(4):
+            state = _next_state(state)
+            while _among(state % len(image), chosen, i):
+                state = _next_state(state)
+            chosen[i] = state % len(image)
+        if (
+            _largest_triangle(image, chosen) > smallest[0]
+            and _largest_triangle(board, chosen) > smallest[1]
+        ):
+            break
+    return state
+
+
+@jit
+def smallest_triangles(board: Array, limit: float) -> tuple[float, float]:
+    """Return twice the area that a sample's largest triangle must have: image px², board."""
+    width = height = 0.0
+    for i in range(len(board)):
+        width = max(width, abs(board[i, 0]))
+        height = max(height, abs(board[i, 1]))
+    # In the image: no smaller than the square of twice the inliers' threshold.
+    return 4.0 * limit, _SMALLEST_SHARE * (width * width + height * height)
+
+
+@jit
+def samples_needed(inliers: int, points: int, confidence: float) -> float:
+    """Return the number of samples that contain, with that confidence, one without outliers."""
+    # Drawn without replacement: for few points less likely than the inlier ratio's fourth power.
+    all_inside = 1.0
+    for i in range(4):
+        all_inside *= max(inliers - i, 0) / (points - i)
+    if all_inside >= 1.0:
+        return 0.0
+    if all_inside <= 1e-12:
+        return math.inf
+    return math.log(1.0 - confidence) / math.log(1.0 - all_inside)
+
+
+@jit
+def _next_state(state: int) -> int:
+    """Step Marsaglia's xorshift32: the same numbers compiled and interpreted."""
+    state ^= (state << 13) & 0xFFFFFFFF
+    state ^= state >> 17
+    state ^= (state << 5) & 0xFFFFFFFF
+    return state
+
+
+@jit
+def _among(index: int, chosen: Ints, count: int) -> bool:
+    found = False
+    for i in range(count):
+        found = found or chosen[i] == index
+    return found
+
+
+@jit
+def _largest_triangle(points: Array, chosen: Ints) -> float:
+    """Return twice the area of the largest of the four triangles of four points."""
+    largest = 0.0
+    for left_out in range(4):
+        a = points[chosen[(left_out + 1) % 4]]
+        b = points[chosen[(left_out + 2) % 4]]
+        c = points[chosen[(left_out + 3) % 4]]
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        largest = max(largest, abs(area))
+    return largest

@@ -1,66 +1,72 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the robust estimation is asked (``EstimateOptions``) and what it answers."""
+"""
+The options and the result of ``estimate_pose``.
+
+``Observability`` names the quantities that one view determines at all; a covariance must not
+pretend otherwise.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 import enum
 import math
 
-from .observability import Observability
-from ..geometry import Array, Mask
+import numpy as np
+
+from ..geometry import Array, fields_equal, Mask, read_only
 from ..minimal.solution import Solution
+from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, POSITION, ROTATION, sigma_at
+from ..options import check_ranges, option
+
+# A quantity counts as observable if its standard deviation is below: a share of itself for focal
+# length and distance; radians for the direction of the board; for the distortion, the change of
+# k |d|² at the image's corner.
+_MAX_SHARE = 0.3
+_MAX_DIRECTION_RAD = 0.3
+_MAX_BEND = 0.3
 
 
 class Status(enum.Enum):
-    """Why the search ended; the value is a sentence for people."""
+    """How the estimation ended; the value is a sentence for people."""
 
-    CONFIDENT = 'enough samples were drawn for the confidence that was asked for'
-    SPENT = 'the most samples that were allowed have been drawn'
-    UNDETERMINED = 'a pose was found, but the view leaves some of it open: see observable'
-    FOUR_POINTS = 'exactly four points: every solution was found, none can be checked'
-    COLLINEAR = 'the board points lie on one line, so no pose can be told from them'
-    NO_SOLUTION = 'no camera within the gates explains the points'
-    NO_CONSENSUS = 'too few points agree on any one pose'
-
-
-# Surer than that nobody is, and squares of less would drown all else in rounding.
-_AT_LEAST = {
-    'sigma_px': 1e-6,
-    'prior_focal_px': 1e-3,
-    'prior_focal_sigma_px': 1e-6,
-    'prior_k_sigma': 1e-9,
-}
+    CONFIDENT = 'enough samples were drawn for the requested confidence'
+    SPENT = 'the maximum number of samples was drawn'
+    UNDETERMINED = 'the view does not determine all quantities: see observable'
+    FOUR_POINTS = 'exactly four points: all solutions were found, none can be verified'
+    COLLINEAR = 'the board points are collinear and do not determine a pose'
+    NO_SOLUTION = 'no camera within the limits explains the points'
+    NO_CONSENSUS = 'too few points agree on one pose'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EstimateOptions:
     """
-    How ``estimate_pose`` searches.
+    Options of ``estimate_pose``.
 
     Parameters
     ----------
     threshold_px
-        A point farther from its reprojection is an outlier.
+        Points with a larger reprojection error are outliers.
     confidence
-        Of having drawn one sample without an outlier when the search stops.
+        Probability that at least one sample without an outlier was drawn when the search stops.
     min_iterations, max_iterations
-        Bounds on the number of samples.
+        Limits of the number of samples.
     min_inliers
-        With more than four points: fewer that agree are no consensus.
+        Minimum number of inliers for boards with more than four points.
     min_fov_deg, max_fov_deg
-        The whole field of view along the image's diagonal that a camera may have.
+        Limits of the camera's full field of view along the image diagonal.
     max_distortion
         Largest |k| |d|² at the image's corner.
     sigma_px
-        Standard deviation of a corner's x and y. None: measured from the residuals, and where
-        exactly four points leave none, taken as 0.5.
+        Standard deviation of a corner's x and y. None: measured from the residuals; 0.5 for
+        exactly four points, which leave no residuals.
     prior_focal_px, prior_focal_sigma_px
-        The focal length that the camera is known to have, and its standard deviation, px.
+        Gaussian prior on the focal length: mean and standard deviation, px. None: no prior.
     prior_k, prior_k_sigma
-        The same of the distortion; known where prior_k_sigma is given.
+        Gaussian prior on the distortion. prior_k_sigma None: no prior.
     seed
         The same seed and the same input give the same output.
 
@@ -71,74 +77,131 @@ class EstimateOptions:
 
     """
 
-    threshold_px: float = 2.0
-    confidence: float = 0.9999
-    min_iterations: int = 10
-    max_iterations: int = 5000
-    min_inliers: int = 6
-    min_fov_deg: float = 5.0
-    max_fov_deg: float = 175.0
-    max_distortion: float = 1.0
-    sigma_px: float | None = None
-    prior_focal_px: float | None = None
-    prior_focal_sigma_px: float | None = None
-    prior_k: float = 0.0
-    prior_k_sigma: float | None = None
-    seed: int = 0
+    threshold_px: float = option(
+        2.0, 'Points with a larger reprojection error are outliers, pixels.', low=0.01, high=1000.0
+    )
+    confidence: float = option(
+        0.9999,
+        'Probability that at least one sample without an outlier was drawn when the search stops.',
+        low=0.5,
+        high=0.999999,
+    )
+    min_iterations: int = option(
+        10, 'Minimum number of samples of four points.', low=1, high=1_000_000
+    )
+    max_iterations: int = option(
+        5000, 'Maximum number of samples of four points.', low=1, high=1_000_000
+    )
+    min_inliers: int = option(
+        6,
+        'Minimum number of inliers for boards with more than four points.',
+        low=4,
+        high=1_000_000,
+    )
+    min_fov_deg: float = option(
+        5.0,
+        'Smallest field of view of the camera along the image diagonal, degrees.',
+        low=0.1,
+        high=359.0,
+    )
+    max_fov_deg: float = option(
+        175.0,
+        'Largest field of view of the camera along the image diagonal, degrees.',
+        low=0.2,
+        high=359.9,
+    )
+    max_distortion: float = option(
+        1.0,
+        "Largest distortion of the lens: |k| |d|^2 at the image's corner.",
+        low=1e-6,
+        high=100.0,
+    )
+    # The lower limits of sigmas keep 1 / sigma^2 from drowning all else in rounding.
+    sigma_px: float | None = option(
+        None,
+        'Standard deviation of a corner, pixels, for the covariance. Not given: measured from the '
+        'residuals; 0.5 for exactly four points.',
+        low=1e-6,
+        high=1000.0,
+    )
+    prior_focal_px: float | None = option(
+        None, 'Mean of the prior on the focal length, pixels.', low=1e-3, high=1e6
+    )
+    prior_focal_sigma_px: float | None = option(
+        None, 'Standard deviation of the prior on the focal length, pixels.', low=1e-6, high=1e6
+    )
+    prior_k: float = option(
+        0.0, 'Mean of the prior on the distortion k of the division model.', low=-100.0, high=100.0
+    )
+    prior_k_sigma: float | None = option(
+        None, 'Standard deviation of the prior on the distortion k.', low=1e-9, high=100.0
+    )
+    seed: int = option(
+        0,
+        'Seed of the random samples: the same seed and input give the same output.',
+        low=0,
+        high=2**31 - 1,
+    )
 
     def __post_init__(self) -> None:
-        for name, low, high in (
-            ('threshold_px', 0.0, math.inf),
-            ('confidence', 0.0, 1.0),
-            ('min_fov_deg', 0.0, 360.0),
-            ('max_fov_deg', self.min_fov_deg, 360.0),
-            ('max_distortion', 0.0, math.inf),
-        ):
-            value = getattr(self, name)
-            if not low < value < high:
-                raise ValueError(f'{name} must be between {low} and {high}, got {value}')
-        if not 1 <= self.min_iterations <= self.max_iterations:
-            raise ValueError(
-                'min_iterations must be at least 1 and at most max_iterations, got '
-                f'{self.min_iterations} and {self.max_iterations}'
-            )
-        if self.min_inliers < 4:
-            raise ValueError(f'min_inliers must be at least 4, got {self.min_inliers}')
-        for name, low in _AT_LEAST.items():
-            value = getattr(self, name)
-            if value is not None and not low <= value < math.inf:
-                raise ValueError(f'{name} must be at least {low:g}, got {value}')
-        self._check_priors()
-
-    def _check_priors(self) -> None:
+        check_ranges(self)
+        for low, high in (('min_iterations', 'max_iterations'), ('min_fov_deg', 'max_fov_deg')):
+            if not getattr(self, low) <= getattr(self, high):
+                raise ValueError(
+                    f'{low} must be at most {high} = {getattr(self, high)}, '
+                    f'got {getattr(self, low)}'
+                )
         if (self.prior_focal_px is None) != (self.prior_focal_sigma_px is None):
             raise ValueError('prior_focal_px and prior_focal_sigma_px must be given together')
-        if not math.isfinite(self.prior_k):
-            raise ValueError(f'prior_k must be finite, got {self.prior_k}')
         if self.prior_k != 0.0 and self.prior_k_sigma is None:
             raise ValueError('prior_k must come with prior_k_sigma')
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True)
+class Observability:
+    """
+    The quantities that a view determines.
+
+    direction: the board's orientation; distance: its translation along the line of sight;
+    focal: the focal length; distortion: k.
+    """
+
+    direction: bool = False
+    distance: bool = False
+    focal: bool = False
+    distortion: bool = False
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """The names of the quantities that the view does not determine."""
+        return tuple(f.name for f in fields(self) if not getattr(self, f.name))
+
+    @property
+    def pose(self) -> bool:
+        """Whether the view determines the pose: direction and distance."""
+        return self.direction and self.distance
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class PoseEstimate:
     """
-    What one view tells; every number is of ``model``.
+    The result of one view; every number belongs to ``model``.
 
     model
-        Camera and ``camera_from_board`` (board units), or None: then ``stop`` says why.
+        Camera and ``camera_from_board`` (board units), or None: ``status`` gives the reason.
     inliers : (N,) bool
         The points within the threshold.
     rms_px
-        Root of the mean squared distance between the inliers and their reprojections.
+        Root mean square distance between the inliers and their reprojections.
     iterations
-        Samples drawn.
+        Number of samples drawn.
     covariance : (8, 8)
         Of x, y, z, the rotation about x, y, z (radians; fixed axes of the camera frame, as in
-        ROS), focal_px and k. NaN without a model.
+        ROS), focal_px and k. NaN without a model; infinite variance of what is not observable.
     alternatives
         Other solutions that explain the view as well.
     observable
-        Which quantities the view determines at all.
+        The quantities that the view determines.
     """
 
     model: Solution | None
@@ -149,3 +212,94 @@ class PoseEstimate:
     covariance: Array
     alternatives: tuple[Solution, ...]
     observable: Observability
+
+    def __post_init__(self) -> None:
+        read_only(self.inliers)
+        read_only(self.covariance)
+
+    def __eq__(self, other: object) -> bool:
+        return fields_equal(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        inliers = f'{int(self.inliers.sum())}/{len(self.inliers)}'
+        return (
+            f'PoseEstimate({self.status.name}, inliers={inliers}, rms_px={self.rms_px:.3g}, '
+            f'model={self.model}, alternatives={len(self.alternatives)}, '
+            f'undetermined={self.observable.undetermined})'
+        )
+
+    @property
+    def focal_sigma_px(self) -> float:
+        """Standard deviation of the focal length, px; infinite if it is not observable."""
+        return sigma_at(self.covariance, COV_FOCAL)
+
+    @property
+    def k_sigma(self) -> float:
+        """Standard deviation of k; infinite if it is not observable."""
+        return sigma_at(self.covariance, COV_K)
+
+    @property
+    def distance_sigma(self) -> float:
+        """Standard deviation of the distance to the board's origin, board units; NaN: no model."""
+        if self.model is None:
+            return math.nan
+        if not self.observable.distance:
+            return math.inf
+        position = self.model.camera_from_board.translation
+        sight = position / np.linalg.norm(position)
+        return math.sqrt(max(0.0, float(sight @ self.covariance[POSITION, POSITION] @ sight)))
+
+
+def no_estimate(status: Status, n: int, iterations: int) -> PoseEstimate:
+    """Return the result of a view of n points without a model."""
+    return PoseEstimate(
+        model=None,
+        status=status,
+        inliers=np.zeros(n, dtype=bool),
+        rms_px=math.nan,
+        iterations=iterations,
+        covariance=np.full((COVARIANCE_SIZE, COVARIANCE_SIZE), np.nan),
+        alternatives=(),
+        observable=Observability(),
+    )
+
+
+def observability_of(
+    focal_px: float, translation: Array, covariance: Array, corner_px: float
+) -> Observability:
+    """
+    Judge by the standard deviations which quantities a view determines.
+
+    translation is the board's (its unit), corner_px the distance of the image's farthest corner
+    from the centre.
+    """
+    x, y, z = translation.tolist()
+    c = covariance.tolist()
+    distance2 = x * x + y * y + z * z
+    along = (
+        x * (x * c[0][0] + 2.0 * y * c[0][1] + 2.0 * z * c[0][2])
+        + y * (y * c[1][1] + 2.0 * z * c[1][2])
+        + z * z * c[2][2]
+    )
+    bend = math.sqrt(max(c[COV_K][COV_K], 0.0)) * (corner_px / focal_px) ** 2
+    return Observability(
+        direction=sum(c[i][i] for i in range(8)[ROTATION]) < _MAX_DIRECTION_RAD**2,
+        # Its variance is along / distance².
+        distance=along < (_MAX_SHARE * distance2) ** 2,
+        focal=c[COV_FOCAL][COV_FOCAL] < (_MAX_SHARE * focal_px) ** 2,
+        distortion=bend < _MAX_BEND,
+    )
+
+
+def mark_undetermined(covariance: Array, observable: Observability) -> Array:
+    """Give the undetermined quantities infinite variances, and no correlations (NaN)."""
+    if not observable.undetermined:
+        return covariance
+    known = np.empty(COVARIANCE_SIZE, dtype=bool)
+    known[POSITION], known[ROTATION] = observable.distance, observable.direction
+    known[COV_FOCAL], known[COV_K] = observable.focal, observable.distortion
+    honest: Array = np.where(np.outer(known, known), covariance, np.nan)
+    honest[np.diag_indices(COVARIANCE_SIZE)] = np.where(known, np.diag(covariance), np.inf)
+    return honest

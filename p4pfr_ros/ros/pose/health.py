@@ -11,7 +11,7 @@ import enum
 import math
 
 from p4pfr_ros import PoseEstimate
-from p4pfr_ros.core.many_views.camera_estimate import CameraEstimate
+from p4pfr_ros.core.many_views.results import CameraEstimate
 
 from .health_values import camera_values, number, UNKNOWN, view_values
 from .latencies import Latencies

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 from p4pfr_ros import DivisionCamera, PoseEstimate
-from p4pfr_ros.core.many_views.camera_estimate import CameraEstimate
+from p4pfr_ros.core.many_views.results import CameraEstimate
 
 UNKNOWN = 'unknown'
 

@@ -1,0 +1,60 @@
+# Copyright 2026 p4pfr_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Options that describe themselves: default, range and description stand once, at the field.
+
+The ROS parameters and the command line take all three from here.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Option:
+    """
+    What a field of an options dataclass means.
+
+    description
+        One or two sentences, for people.
+    low, high
+        The range of its values, both ends included.
+    """
+
+    description: str
+    low: float
+    high: float
+
+
+def option(default: Any, description: str, *, low: float, high: float) -> Any:
+    """Make a field of an options dataclass; a default of None means that no value is given."""
+    return dataclasses.field(default=default, metadata={'option': Option(description, low, high)})
+
+
+def option_of(options: Any, name: str) -> Option:
+    """Return the description and the range of a field of an options dataclass."""
+    [found] = (f.metadata['option'] for f in dataclasses.fields(options) if f.name == name)
+    assert isinstance(found, Option)
+    return found
+
+
+def check_ranges(options: Any) -> None:
+    """
+    Check every field of an options dataclass against its range.
+
+    Raises
+    ------
+    ValueError
+        Names the first field out of its range, the range and the value.
+
+    """
+    for field in dataclasses.fields(options):
+        value, limits = getattr(options, field.name), field.metadata['option']
+        # Written so that NaN is out of range.
+        if value is not None and not limits.low <= value <= limits.high:
+            raise ValueError(
+                f'{field.name} must be from {limits.low:g} to {limits.high:g}, got {value}'
+            )
