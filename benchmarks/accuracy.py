@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whether the minimal solver finds the truth, and whether all that it returns holds."""
+"""Recall of the minimal solver, and checks of every solution that it returns."""
 
 from __future__ import annotations
 
@@ -17,57 +17,61 @@ from p4pfr_ros.scenes.instances import IMAGE_SIZE, Instances, instances, KINDS
 
 _CHUNK = 20_000
 
-# A solution that misses a point by more than this share of the image's size is reported.
-_REPROJECTION = 1e-9
+# Solutions with a larger reprojection error, as a share of the image size, are counted.
+_MAX_REPROJECTION = 1e-9
 
-# Of the translation's size, in the bound for what lies beyond.
+# Rounding errors of the translation that the bound for those solutions allows, in ulps.
 _ROUNDINGS = 4.0
 
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """What was found over instances of a class."""
+    """Recall and checks over the instances of a class."""
 
     instances: int
-    to_1e6: int  # instances with the truth among the solutions, to 1e-6
+    to_1e6: int  # instances with a solution within 1e-6 of ground truth
     to_1e3: int
     solutions: int
-    off_rotation: float  # largest |RᵀR - I|
-    behind: int  # solutions with a depth λ ≤ 0
-    off_px: float  # largest distance of a reprojected point
-    over: int  # solutions that reproject worse than 1e-9 of the image's size
-    unexplained: int  # those among them that rounding of the translation does not explain
+    max_rotation_defect: float  # largest |RᵀR - I|
+    negative_depths: int  # solutions with a depth λ ≤ 0
+    max_reprojection_px: float  # largest reprojection error of a point
+    over_limit: int  # solutions with a reprojection error above 1e-9 of the image size
+    unexplained: int  # those of them that rounding of the translation does not explain
 
     def __add__(self, other: Accuracy) -> Accuracy:
-        """Take the instances of both together."""
+        """Combine the results of two sets of instances."""
         return Accuracy(
             instances=self.instances + other.instances,
             to_1e6=self.to_1e6 + other.to_1e6,
             to_1e3=self.to_1e3 + other.to_1e3,
             solutions=self.solutions + other.solutions,
-            off_rotation=max(self.off_rotation, other.off_rotation),
-            behind=self.behind + other.behind,
-            off_px=max(self.off_px, other.off_px),
-            over=self.over + other.over,
+            max_rotation_defect=max(self.max_rotation_defect, other.max_rotation_defect),
+            negative_depths=self.negative_depths + other.negative_depths,
+            max_reprojection_px=max(self.max_reprojection_px, other.max_reprojection_px),
+            over_limit=self.over_limit + other.over_limit,
             unexplained=self.unexplained + other.unexplained,
         )
 
     @property
-    def sound(self) -> bool:
-        """Say whether every returned solution passes its checks."""
-        return self.off_rotation < 1e-12 and self.behind == 0 and self.unexplained == 0
+    def valid(self) -> bool:
+        """Whether every returned solution passes its checks."""
+        return (
+            self.max_rotation_defect < 1e-12
+            and self.negative_depths == 0
+            and self.unexplained == 0
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class Class:
-    """Instances of a kind, with their board measured in another unit or from another origin."""
+class InstanceClass:
+    """Instances of one kind, with the board in another unit or shifted from its origin."""
 
     kind: str
     scale: float = 1.0
     shift: float = 0.0
 
     def draw(self, n: int, seed: int) -> Instances:
-        """Draw n instances; what concerns the translation is the board's before the change."""
+        """Draw n instances; their translation is that of the unscaled, unshifted board."""
         drawn = instances(self.kind, n, seed)
         board = self.scale * drawn.board_points + self.shift
         return Instances(
@@ -75,17 +79,18 @@ class Class:
         )
 
 
-CLASSES = {kind: Class(kind) for kind in KINDS} | {
-    'patch, board in mm': Class('patch', scale=1e3),
-    'patch, board in km': Class('patch', scale=1e-3),
-    'patch, board moved by 1000': Class('patch', shift=1000.0),
+CLASSES = {kind: InstanceClass(kind) for kind in KINDS} | {
+    'patch, board in mm': InstanceClass('patch', scale=1e3),
+    'patch, board in km': InstanceClass('patch', scale=1e-3),
+    'patch, board moved by 1000': InstanceClass('patch', shift=1000.0),
 }
 
 
-def measure(chosen: Class, n: int) -> Accuracy:
-    """Solve n instances and look at every solution."""
+def measure(instance_class: InstanceClass, n: int) -> Accuracy:
+    """Solve n instances and check every solution."""
     chunks = (
-        chosen.draw(min(_CHUNK, n - start), seed) for seed, start in enumerate(range(0, n, _CHUNK))
+        instance_class.draw(min(_CHUNK, n - start), seed)
+        for seed, start in enumerate(range(0, n, _CHUNK))
     )
     return functools.reduce(operator.add, map(_measure_chunk, chunks))
 
@@ -93,33 +98,35 @@ def measure(chosen: Class, n: int) -> Accuracy:
 def _measure_chunk(drawn: Instances) -> Accuracy:
     batch = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
     error = errors(drawn, batch)
-    there = np.arange(batch.k.shape[1]) < batch.count[:, None]
-    instance = np.nonzero(there)[0]
-    rotation, translation = batch.rotation[there], batch.translation[there]
-    focal_px, k = batch.focal_px[there], batch.k[there]
+    filled = np.arange(batch.k.shape[1]) < batch.count[:, None]
+    instance = np.nonzero(filled)[0]
+    rotation, translation = batch.rotation[filled], batch.translation[filled]
+    focal_px, k = batch.focal_px[filled], batch.k[filled]
     image, board = drawn.image_points[instance], drawn.board_points[instance]
     points = np.einsum('nij,npj->npi', rotation[:, :, :2], board) + translation[:, None]
-    missed_px = np.linalg.norm(project(points, focal_px, k) - image, axis=-1).max(axis=1)
-    # The depth λ > 0 takes the pixel's ray to its point: they look the same way.
+    reprojection_px = np.linalg.norm(project(points, focal_px, k) - image, axis=-1).max(axis=1)
+    # λ > 0: the ray of the pixel and the vector to the point have the same direction.
     along = np.sum(points * _rays(image, focal_px, k), axis=-1)
     product = np.einsum('nji,njk->nik', rotation, rotation)
-    over = ~(missed_px < _REPROJECTION * max(IMAGE_SIZE))
-    floor_px = _rounding_px(points[over], translation[over], focal_px[over], k[over])
+    over_limit = ~(reprojection_px < _MAX_REPROJECTION * max(IMAGE_SIZE))
+    floor_px = _rounding_px(
+        points[over_limit], translation[over_limit], focal_px[over_limit], k[over_limit]
+    )
     return Accuracy(
         instances=len(drawn),
         to_1e6=int(np.sum(error < 1e-6)),
         to_1e3=int(np.sum(error < 1e-3)),
         solutions=len(instance),
-        off_rotation=float(np.abs(product - np.eye(3)).max(initial=0.0)),
-        behind=int(np.sum(~(along > 0.0).all(axis=1))),
-        off_px=float(missed_px.max(initial=0.0)),
-        over=int(np.sum(over)),
-        unexplained=int(np.sum(~(missed_px[over] < floor_px))),
+        max_rotation_defect=float(np.abs(product - np.eye(3)).max(initial=0.0)),
+        negative_depths=int(np.sum(~(along > 0.0).all(axis=1))),
+        max_reprojection_px=float(reprojection_px.max(initial=0.0)),
+        over_limit=int(np.sum(over_limit)),
+        unexplained=int(np.sum(~(reprojection_px[over_limit] < floor_px))),
     )
 
 
 def _rounding_px(points: Array, translation: Array, focal_px: Array, k: Array) -> Array:
-    """Bound what a few roundings of numbers as large as the translation move in the image."""
+    """Bound the image error that a few rounding errors of the translation cause."""
     step = 1e-7 * np.linalg.norm(points, axis=-1, keepdims=True)
     moved = [
         project(points + sign * step * axis, focal_px, k)
@@ -127,8 +134,8 @@ def _rounding_px(points: Array, translation: Array, focal_px: Array, k: Array) -
         for sign in (1.0, -1.0)
     ]
     by_axis = [
-        np.linalg.norm(there - back, axis=-1, keepdims=True) / (2.0 * step)
-        for there, back in zip(moved[::2], moved[1::2], strict=True)
+        np.linalg.norm(plus - minus, axis=-1, keepdims=True) / (2.0 * step)
+        for plus, minus in zip(moved[::2], moved[1::2], strict=True)
     ]
     px_per_unit = np.max(by_axis, axis=(0, 2, 3), initial=0.0)
     rounding = _ROUNDINGS * np.finfo(float).eps * np.linalg.norm(translation, axis=-1)
@@ -137,10 +144,10 @@ def _rounding_px(points: Array, translation: Array, focal_px: Array, k: Array) -
 
 
 def errors(drawn: Instances, batch: SolutionBatch) -> Array:
-    """Return the error of the best solution, the larger of focal length's and rotation's (n,)."""
+    """Return the best solution's error (n,): the larger of focal length and rotation error."""
     with np.errstate(invalid='ignore'):
         focal = np.abs(batch.focal_px / drawn.focal_px[:, None] - 1.0)
-        # |A - B|_F = 2√2 sin(angle / 2): over √2 it is the angle, where the angle is small.
+        # |A - B|_F = 2√2 sin(angle / 2): divided by √2, it is the angle for small angles.
         chord = np.linalg.norm(batch.rotation - drawn.rotation[:, None], axis=(-2, -1))
     error = np.maximum(focal, chord / np.sqrt(2.0))
     best: Array = np.where(np.isnan(error), np.inf, error).min(axis=1)
@@ -148,7 +155,7 @@ def errors(drawn: Instances, batch: SolutionBatch) -> Array:
 
 
 def project(points: Array, focal_px: Array, k: Array) -> Array:
-    """Project (n, p, 3) points by n division cameras: written anew, to check the package's."""
+    """Project (n, p, 3) points with n division cameras; independent of the package."""
     xy, z = points[..., :2], points[..., 2]
     k = k[:, None]
     rho2 = np.sum(xy**2, axis=-1)

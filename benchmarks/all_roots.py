@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Counts of the sextic's real roots with f² > 0, by the signs that are asked of them."""
+"""Counts the real roots of the sextic with f² > 0, by the signs of depths and of Z."""
 
 from __future__ import annotations
 
@@ -20,40 +20,40 @@ Complexes = NDArray[np.complex128]
 
 _BINOMIALS = np.array([1.0, 6.0, 15.0, 20.0, 15.0, 6.0, 1.0])
 
-# How far from the real axis an eigenvalue may stand for a real root.
-_REAL = 1e-9
+# Largest imaginary part, relative to 1 + |s|, of an eigenvalue that counts as real.
+_REAL_TOLERANCE = 1e-9
 
 
 class Counts(NamedTuple):
     """Numbers of real roots with f² > 0."""
 
     real: int
-    depths_of_one_sign: int  # all four λ: the pixels' rays meet the points
+    depths_of_one_sign: int  # all four λ: the rays of the pixels meet the points
     z_of_one_sign: int  # all four λ (1 + k r²): the points lie on one side of the camera
 
 
 def count(image: Array, board: Array) -> Counts:
-    """Count over n instances, (n, 4, 2) each."""
-    many = len(image)
-    polynomials = np.zeros((many, 7))
-    basis = np.zeros((many, 2, 4))
-    ends = np.zeros((many, 2, 4), dtype=np.complex128)  # of u, v, l, p
-    weights, radius2 = np.zeros((many, 4)), np.zeros((many, 4))
+    """Count the roots of n instances, image and board points (n, 4, 2)."""
+    n_instances = len(image)
+    polynomials = np.zeros((n_instances, 7))
+    basis = np.zeros((n_instances, 2, 4))
+    ends = np.zeros((n_instances, 2, 4), dtype=np.complex128)  # of u, v, l, p
+    weights, radius2 = np.zeros((n_instances, 4)), np.zeros((n_instances, 4))
     _expand_all(image, board, polynomials, basis, ends, weights, radius2, workspace())
     s = _roots(polynomials)
-    instance, root = np.nonzero(np.abs(s.imag) < _REAL * (1.0 + np.abs(s)))
+    instance, root = np.nonzero(np.abs(s.imag) < _REAL_TOLERANCE * (1.0 + np.abs(s)))
     share = s[instance, root].real[:, None]
     depths = basis[instance, 0] + share * basis[instance, 1]
     u, v, l, p = (ends[instance, 0] + share * ends[instance, 1]).T  # noqa: E741
     m, r2 = weights[instance], radius2[instance]
     n, d = np.sum(m * depths, axis=1), np.sum(m * depths * r2, axis=1)
     z = d * l - n * p
-    physical = (u * v * np.conj(z) ** 2).real < 0.0
-    side = depths * (d[:, None] - n[:, None] * r2)
+    focal_is_real = (u * v * np.conj(z) ** 2).real < 0.0
+    z_of_points = depths * (d[:, None] - n[:, None] * r2)
     return Counts(
-        int(np.sum(physical)),
-        int(np.sum(physical & _one_sign(depths))),
-        int(np.sum(physical & _one_sign(side))),
+        int(np.sum(focal_is_real)),
+        int(np.sum(focal_is_real & _one_sign(depths))),
+        int(np.sum(focal_is_real & _one_sign(z_of_points))),
     )
 
 
@@ -74,7 +74,7 @@ def _expand_all(
         board_duals(board[i], room.board, room.duals)
         radius2[i] = room.radius**2
         _null_space(room.image, weights[i], basis[i])
-        # λ = basis[0] + s basis[1] with s = τ / (1 - τ): over all of the real line, not [0, 1].
+        # λ = basis[0] + s basis[1] with s = τ / (1 - τ), on the whole real line instead of [0, 1].
         f = factors(room.image, weights[i], basis[i], room.duals)
         ends[i, 0, :] = (f.u0, f.v0, f.l0, f.p0)
         ends[i, 1, :] = (f.u1, f.v1, f.l1, f.p1)

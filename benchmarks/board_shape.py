@@ -2,16 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Why one photograph's standard deviation is too small: the board is not what its file says.
+Why the standard deviation after one photograph is too small: the board is not as specified.
 
     P4PFR_DATA=FOLDER python -m benchmarks.board_shape
 
-OpenCV's calibration with the board's points released (Strobl and Hirzinger 2011) says where on
-the real board they are. With those in place of the nominal ones, self-calibration is run again.
+OpenCV's calibration with free board points (Strobl and Hirzinger 2011) estimates where they are
+on the real board. Self-calibration then runs with the nominal and with the estimated points.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 from pathlib import Path
 
@@ -21,31 +22,37 @@ from p4pfr_ros import SelfCalibration
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.files.boards import load_board
 
-from .convergence import BOARD, corners_of, read_photos
+from .convergence import BOARD, corners_of, NO_DATA, read_photos
 
-# A corner of the first row at its other end, which stays where it is and holds the scale.
+# The last corner of the first row: OpenCV holds it fixed, which determines the scale.
 _FIXED_POINT = 8
 
 
-def main() -> int:
-    """Measure and print."""
+def main(arguments: list[str] | None = None) -> int:
+    """Run the benchmark and print the results."""
+    parser = argparse.ArgumentParser(
+        prog='python -m benchmarks.board_shape', description=__doc__.split('\n\n')[0]
+    )
+    parser.parse_args(arguments)
+    if 'P4PFR_DATA' not in os.environ:
+        parser.error(NO_DATA)
     board = load_board(BOARD)
     photos = read_photos(Path(os.environ['P4PFR_DATA']))
     corners_px = [corners_of(photo, board) for photo in photos.values()]
     height, width = next(iter(photos.values())).shape[:2]
     nominal = np.pad(board.points, ((0, 0), (0, 1))).astype(np.float32)
     views = [corners.astype(np.float32) for corners in corners_px]
-    held, *_ = cv2.calibrateCamera([nominal] * len(views), views, (width, height), None, None)
-    released, *_, points = cv2.calibrateCameraRO(
+    fixed_rms, *_ = cv2.calibrateCamera([nominal] * len(views), views, (width, height), None, None)
+    free_rms, *_, points = cv2.calibrateCameraRO(
         [nominal] * len(views), views, (width, height), _FIXED_POINT, None, None
     )
-    found = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-    moved_mm = 1e3 * np.abs(found - nominal)
-    print(f'OpenCV: rms {held:.3f} px; with the board released {released:.3f} px,')
-    print(f'  points moved by up to {moved_mm[:, :2].max():.2f} mm along the board')
-    print(f'  and {moved_mm[:, 2].max():.2f} mm out of it')
+    estimated = np.asarray(points, dtype=np.float64).reshape(-1, 3)
+    moved_mm = 1e3 * np.abs(estimated - nominal)
+    print(f'OpenCV: rms {fixed_rms:.3f} px; with free board points {free_rms:.3f} px;')
+    print(f'  points up to {moved_mm[:, :2].max():.2f} mm from nominal along the board')
+    print(f'  and {moved_mm[:, 2].max():.2f} mm out of its plane')
     _calibrate('nominal board', corners_px, board.points, (width, height))
-    _calibrate('as found, flat', corners_px, found[:, :2], (width, height))
+    _calibrate('estimated points, flat', corners_px, estimated[:, :2], (width, height))
     return 0
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Self-calibration in three tables: how good, how fast, and on lenses that are not of our model.
+Self-calibration in three tables: accuracy, speed, and lenses outside the division model.
 
     python -m benchmarks.calibration [--cameras N] [--markdown FILE]
 """
@@ -28,14 +28,20 @@ from .calibration_wide import wide_rows
 from .tables import Measured, page_of
 
 _CORNER_PX = 0.5 * math.hypot(*IMAGE_SIZE)
-_MORE_VIEWS = 100
+_TIMED_VIEWS = 100
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(prog='python -m benchmarks.calibration', description=__doc__)
-    parser.add_argument('--cameras', type=int, default=100, help='default: %(default)s')
-    parser.add_argument('--markdown', type=Path, metavar='FILE', help='write the tables there too')
+    """Run the benchmark and print the tables."""
+    parser = argparse.ArgumentParser(
+        prog='python -m benchmarks.calibration', description=__doc__.split('\n\n')[0]
+    )
+    parser.add_argument(
+        '--cameras', type=int, default=100, help='number of cameras; default: %(default)s'
+    )
+    parser.add_argument(
+        '--markdown', type=Path, metavar='FILE', help='also write the tables to FILE'
+    )
     options = parser.parse_args(arguments)
     cv2.setNumThreads(1)
     tables = [_errors_table(options.cameras), _time_table(), wide_rows(options.cameras // 10)]
@@ -47,8 +53,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _errors_table(cameras: int) -> Measured:
-    """Compare with full bundle adjustment from the truth."""
-    ours, best, squares = [], [], []
+    """Compare with full bundle adjustment from ground truth."""
+    ours, reference, squares = [], [], []
     for seed in track(range(cameras), 'cameras', transient=True):
         rng = np.random.default_rng(seed)
         camera = drawn_camera(rng)
@@ -59,37 +65,41 @@ def _errors_table(cameras: int) -> Measured:
         fused = calibration.fused
         if fused is None:
             raise RuntimeError(f'no camera from the views of seed {seed}')
-        ours.append(_sizes(fused.camera, camera))
-        best.append(_sizes(fit_from_the_truth(views), camera))
-        off = _off(fused.camera, camera)
-        squares.append(off @ np.linalg.solve(fused.covariance[:4, :4], off))
-    medians = [np.median(errors, axis=0) for errors in (ours, best)]
-    names = ('focal length, %', 'centre, px', 'bend of the corner k r²')
+        ours.append(_magnitudes(fused.camera, camera))
+        reference.append(_magnitudes(fit_from_the_truth(views), camera))
+        error = _error(fused.camera, camera)
+        squares.append(error @ np.linalg.solve(fused.covariance[:4, :4], error))
+    medians = [np.median(errors, axis=0) for errors in (ours, reference)]
+    names = ('focal length, %', 'centre, px', 'distortion at the corner, k r²')
     rows = [
         (name, f'{a:.4f}', f'{b:.4f}', f'{a / b:.2f}')
         for name, a, b in zip(names, *medians, strict=True)
     ]
-    rows.append(('mean normalised squared error', f'{np.mean(squares):.2f}', '4 in truth', ''))
+    rows.append(('mean normalised squared error', f'{np.mean(squares):.2f}', '4 expected', ''))
     title = f'Median errors, {cameras} cameras: 30 views of 24 points, 0.5 px, 10 % outliers'
-    return title, ('', 'SelfCalibration', 'full bundle adjustment from the truth', 'ratio'), rows
+    return (
+        title,
+        ('', 'SelfCalibration', 'full bundle adjustment from ground truth', 'ratio'),
+        rows,
+    )
 
 
-def _off(found: DivisionCamera, truth: DivisionCamera) -> Array:
-    x, y = np.subtract(found.center_px, truth.center_px)
-    return np.array([found.focal_px - truth.focal_px, x, y, found.k - truth.k])
+def _error(estimate: DivisionCamera, truth: DivisionCamera) -> Array:
+    x, y = np.subtract(estimate.center_px, truth.center_px)
+    return np.array([estimate.focal_px - truth.focal_px, x, y, estimate.k - truth.k])
 
 
-def _sizes(found: DivisionCamera, truth: DivisionCamera) -> Array:
-    focal_px, x, y, k = np.abs(_off(found, truth))
-    bend = k * (_CORNER_PX / truth.focal_px) ** 2
-    return np.array([100.0 * focal_px / truth.focal_px, math.hypot(x, y), bend])
+def _magnitudes(estimate: DivisionCamera, truth: DivisionCamera) -> Array:
+    focal_px, x, y, k = np.abs(_error(estimate, truth))
+    distortion = k * (_CORNER_PX / truth.focal_px) ** 2
+    return np.array([100.0 * focal_px / truth.focal_px, math.hypot(x, y), distortion])
 
 
 def _time_table() -> Measured:
-    """Time updates with a full set of views, and OpenCV on the same set."""
+    """Time updates with a full set of keyframes, and OpenCV on as many views."""
     rng = np.random.default_rng(0)
     camera = DivisionCamera(800.0, (650.0, 470.0), -0.2)
-    views = [camera_view(rng, camera, grid(9, 6)) for _ in range(40 + _MORE_VIEWS)]
+    views = [camera_view(rng, camera, grid(9, 6)) for _ in range(40 + _TIMED_VIEWS)]
     calibration = SelfCalibration(IMAGE_SIZE)
     for view in views[:40]:
         calibration.update(view.image_points, view.board_points)
@@ -103,12 +113,12 @@ def _time_table() -> Measured:
     rows = [
         (name, f'{1e3 * np.median(seconds):.2f}', f'{opencv / np.median(seconds):.0f}')
         for name, seconds in (
-            ('a view after which all 40 are fitted anew', times[Verdict.USED]),
-            ('a view that is remembered', times[Verdict.REDUNDANT]),
+            ('view added, all 40 views refitted', times[Verdict.USED]),
+            ('redundant view, information kept', times[Verdict.REDUNDANT]),
             ('cv2.calibrateCamera, 40 views at once', [opencv]),
         )
     ]
-    return 'One update, 40 views of 54 points', ('', 'median, ms of CPU', 'times as fast'), rows
+    return 'One update, 40 views of 54 points', ('', 'median, ms of CPU', 'speed-up'), rows
 
 
 def _seconds(calibration: SelfCalibration, view: View) -> float:
@@ -118,7 +128,7 @@ def _seconds(calibration: SelfCalibration, view: View) -> float:
 
 
 def _opencv(views: Sequence[View]) -> None:
-    """Call cv2.calibrateCamera with its five coefficients."""
+    """Call cv2.calibrateCamera with its default five coefficients."""
     points = [np.pad(v.board_points, ((0, 0), (0, 1))).astype(np.float32) for v in views]
     image = [v.image_points.astype(np.float32) for v in views]
     cv2.calibrateCamera(points, image, IMAGE_SIZE, None, None)

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-How a real camera calibrates itself, photograph by photograph; draws docs/convergence.png.
+Self-calibration of a real camera, photograph by photograph; draws docs/convergence.png.
 
     P4PFR_DATA=FOLDER python -m benchmarks.convergence [--output FILE]
 
-The folder holds left01.jpg to left14.jpg, OpenCV's photographs of a chessboard. OpenCV's own
-calibration, of all of them at once, stands beside: from the same corners and from its own.
+The folder contains left01.jpg to left14.jpg, OpenCV's photographs of a chessboard. For comparison,
+OpenCV calibrates from all of them at once, with the same corners and with its own corners.
 """
 
 from __future__ import annotations
@@ -33,59 +33,66 @@ from p4pfr_ros.report.figure_style import STYLE
 
 _ROOT = Path(__file__).parent.parent
 BOARD = _ROOT / 'config/boards/chessboard_9x6_25mm.yaml'
+NO_DATA = 'set the environment variable P4PFR_DATA to the folder with the photographs'
 _FIGURE = _ROOT / 'docs/convergence.png'
 _PATTERN = (9, 6)
-# How OpenCV's documentation refines a corner: half of the window, then when to stop.
+# Corner refinement as in OpenCV's documentation: half window size, termination criteria.
 _WINDOW_PX = (5, 5)
-_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 30, 0.01)
+_TERMINATION = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 30, 0.01)
 
 Camera = tuple[float, float, float]  # focal length and centre, pixels
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Calibrate, print the table, draw the figure."""
-    parser = argparse.ArgumentParser(prog='python -m benchmarks.convergence', description=__doc__)
-    parser.add_argument('--output', type=Path, default=_FIGURE, metavar='FILE')
+    parser = argparse.ArgumentParser(
+        prog='python -m benchmarks.convergence',
+        description=__doc__.split('\n\n')[0],
+        epilog=__doc__.split('\n\n')[2],
+    )
+    parser.add_argument(
+        '--output', type=Path, default=_FIGURE, metavar='FILE', help='figure to write'
+    )
     output = parser.parse_args(arguments).output
     if 'P4PFR_DATA' not in os.environ:
-        parser.error('expected the environment variable P4PFR_DATA to name the folder')
+        parser.error(NO_DATA)
     board = load_board(BOARD)
     photos = read_photos(Path(os.environ['P4PFR_DATA']))
-    sightings = converge(photos, board)
+    steps = converge(photos, board)
     peers = {
         name: opencv(photos, board, [corners(photo) for photo in photos.values()])
         for name, corners in (
             ('OpenCV, same corners', lambda photo: corners_of(photo, board)),
-            ('OpenCV, its own corners', _theirs),
+            ('OpenCV, its own corners', _opencv_corners),
         )
     }
-    _print_table(sightings, peers)
-    _draw(sightings, peers, output)
+    _print_table(steps, peers)
+    _draw(steps, peers, output)
     return 0
 
 
 def read_photos(folder: Path) -> dict[str, ImageArray]:
-    """Read the photographs, by name, in the order of their names."""
+    """Read the photographs, sorted by name."""
     return {path.name: read_image(path) for path in sorted(folder.glob('left*.jpg'))}
 
 
 def converge(photos: Mapping[str, ImageArray], board: Board) -> list[Sighting]:
-    """Show the photographs to a calibration, one after another."""
-    pictures = PictureCalibration(board, EstimateOptions())
+    """Calibrate from the photographs, one by one."""
+    run = PictureCalibration(board, EstimateOptions())
     for name, photo in photos.items():
-        pictures.look_at(NamedPicture(name, photo))
-    return pictures.sightings
+        run.look_at(NamedPicture(name, photo))
+    return run.sightings
 
 
 def opencv(photos: Mapping[str, ImageArray], board: Board, corners_px: Sequence[Array]) -> Camera:
-    """Calibrate by OpenCV: all photographs at once, square pixels, five coefficients."""
+    """Calibrate with OpenCV: all photographs at once, square pixels, five coefficients."""
     height, width = next(iter(photos.values())).shape[:2]
     on_board = np.pad(board.points, ((0, 0), (0, 1))).astype(np.float32)
     _, matrix, *_ = cv2.calibrateCamera(
         [on_board] * len(photos),
         [corners.astype(np.float32) for corners in corners_px],
         (width, height),
-        np.eye(3),  # of which fx / fy is taken, as it is to be fixed
+        np.eye(3),  # gives the fixed aspect ratio fx / fy
         None,
         flags=cv2.CALIB_FIX_ASPECT_RATIO,
     )
@@ -93,29 +100,31 @@ def opencv(photos: Mapping[str, ImageArray], board: Board, corners_px: Sequence[
 
 
 def corners_of(photo: ImageArray, board: Board) -> Array:
-    """Return our corners of a photograph, (N, 2) px, in the order of the board's points."""
-    found = detect(photo, board)
-    return found.image_points[np.argsort(found.ids)]
+    """Detect the corners (N, 2) px of a photograph, in the order of the board points."""
+    detection = detect(photo, board)
+    return detection.image_points[np.argsort(detection.ids)]
 
 
-def _theirs(photo: ImageArray) -> Array:
+def _opencv_corners(photo: ImageArray) -> Array:
     grey = cv2.cvtColor(photo, cv2.COLOR_BGR2GRAY)
     _, rough = cv2.findChessboardCorners(grey, _PATTERN)
-    corners: Array = cv2.cornerSubPix(grey, rough, _WINDOW_PX, (-1, -1), _STOP).reshape(-1, 2)
-    # Its board may be upside down, or its mirror image: with square cells, all is one to it.
+    corners: Array = cv2.cornerSubPix(grey, rough, _WINDOW_PX, (-1, -1), _TERMINATION).reshape(
+        -1, 2
+    )
+    # OpenCV may order the corners upside down or mirrored: with square cells it does not matter.
     return corners
 
 
-def _print_table(sightings: Sequence[Sighting], peers: Mapping[str, Camera]) -> None:
+def _print_table(steps: Sequence[Sighting], peers: Mapping[str, Camera]) -> None:
     print(_row('', 'focal length, px', 'centre x, px', 'centre y, px'))
-    for seen in sightings:
-        if seen.fused is not None:
-            print(_row(seen.name, *_with_sigmas(seen.fused)))
+    for step in steps:
+        if step.fused is not None:
+            print(_row(step.name, *_with_sigmas(step.fused)))
     for name, values in peers.items():
         print(_row(name, *(f'{value:.2f}       ' for value in values)))
-    last = sightings[-1].fused
+    last = steps[-1].fused
     if last is not None:
-        print(f'{last.views} views kept, rms {last.rms_px:.3f} px')
+        print(f'{last.views} views used, rms {last.rms_px:.3f} px')
 
 
 def _row(name: str, *cells: str) -> str:
@@ -128,10 +137,10 @@ def _with_sigmas(fused: CameraEstimate) -> list[str]:
     return [f'{value:.2f} ± {sigma:.2f}' for value, sigma in zip(values, sigmas, strict=True)]
 
 
-def _draw(sightings: Sequence[Sighting], peers: Mapping[str, Camera], output: Path) -> None:
+def _draw(steps: Sequence[Sighting], peers: Mapping[str, Camera], output: Path) -> None:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(12.0, 3.6), layout='constrained')
-        draw_history(figure, sightings, peers)
+        draw_history(figure, steps, peers)
         figure.savefig(output, dpi=110)
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Residuals of solved instances: RMS distance over the four points, in three senses."""
+"""Residuals of solved instances: RMS distance over the four points, by three definitions."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from .standard_normal import Solved
 
 
 def undistorted(solved: Solved) -> Array:
-    """Between f X/Z of the true rotation's points and x / (1 + k r²): (s,)."""
+    """Return the RMS (s,) of f X/Z - x / (1 + k r²), with a true rotation."""
     points = _in_camera(solved)
     focal = solved.rows[:, G, None, None]
-    seen = solved.image / horizon(solved)[..., None]
-    return _rms(focal * points[..., :2] / points[..., 2:] - seen)
+    observed = solved.image / horizon(solved)[..., None]
+    return _rms(focal * points[..., :2] / points[..., 2:] - observed)
 
 
 def in_image(solved: Solved) -> Array:
-    """Between the projection, on the pixel's own branch of the fold, and the pixel: (s,)."""
+    """Return the RMS (s,) of projection - pixel, on the branch of the fold that has the pixel."""
     points = _in_camera(solved)
     focal, h = solved.rows[:, G, None], solved.rows[:, H, None]
     xy, z = points[..., :2], points[..., 2]
-    # x = s X with g + h r² = s Z:  h ρ² s² - Z s + g = 0. Each form keeps its digits on its side.
+    # x = s X with g + h r² = s Z:  h ρ² s² - Z s + g = 0. Each form is accurate on its side.
     rho2 = np.sum(xy**2, axis=-1)
     root = np.sqrt(np.maximum(z**2 - 4.0 * focal * h * rho2, 0.0))
     with np.errstate(divide='ignore', invalid='ignore'):
@@ -38,11 +38,11 @@ def in_image(solved: Solved) -> Array:
 
 def paper(solved: Solved, nearest_horizon: bool) -> Array:
     """
-    Return the residual in the paper's sense: of P = [h₁ h₂ t], its columns left as they came.
+    Return the residual (s,) in the paper's sense: of P = [h₁ h₂ t], columns as computed.
 
-    The points Q of the sextic's root are an affine image of the board: H takes its edges from
-    one point to theirs. Where that point lies changes rounding only: the first, or the one whose
-    |1 + k r²| is smallest, as rounding weighs most there.
+    The points Q of the sextic's root are an affine image of the board: H maps the board's edges
+    from one point to those of Q. The choice of this point affects only rounding: it is the first,
+    or the one with the smallest |1 + k r²|, where rounding matters most.
     """
     m = _weights(solved.board)
     r2 = np.sum(solved.image**2, axis=-1)
@@ -53,7 +53,8 @@ def paper(solved: Solved, nearest_horizon: bool) -> Array:
     order = (
         np.argsort(np.abs(w), axis=-1) if nearest_horizon else np.tile(np.arange(4), (len(m), 1))
     )
-    # Of the other three, the base is the triangle whose missing point carries most weight.
+    # Of the triangles that this point forms with two others, take the largest: the weight of the
+    # omitted point is its area.
     others = order[:, 1:]
     missing = np.argmax(np.abs(np.take_along_axis(m, others, axis=1)), axis=1)
     keep = np.array([[1, 2], [0, 2], [0, 1]])[missing]
@@ -67,22 +68,22 @@ def paper(solved: Solved, nearest_horizon: bool) -> Array:
 
 
 def horizon(solved: Solved) -> Array:
-    """Return 1 + k r² of all points, (s, 4): zero is 90° from the axis."""
+    """Return 1 + k r² of all points (s, 4); zero is 90° from the axis."""
     k = solved.rows[:, H] / solved.rows[:, G]
     w: Array = 1.0 + k[:, None] * np.sum(solved.image**2, axis=-1)
     return w
 
 
 def rounding(solved: Solved) -> Array:
-    """Return what one rounding of k, half an ulp at most, moves the undistorted points: (s,)."""
+    """Return how far (s,) a rounding of k by half an ulp moves the undistorted points."""
     w = horizon(solved)[..., None]
     return _rms(0.5 * np.finfo(float).eps * np.abs(1.0 - w) / w**2 * solved.image)
 
 
 def _in_camera(solved: Solved) -> Array:
     rotation = solved.rows[:, :TRANSLATION].reshape(-1, 3, 3)
-    turned = np.einsum('nij,npj->npi', rotation[:, :, :2], solved.board)
-    points: Array = turned + solved.rows[:, None, TRANSLATION:G]
+    rotated = np.einsum('nij,npj->npi', rotation[:, :, :2], solved.board)
+    points: Array = rotated + solved.rows[:, None, TRANSLATION:G]
     return points
 
 
@@ -92,7 +93,7 @@ def _rms(vectors: Array) -> Array:
 
 
 def _weights(board: Array) -> Array:
-    """Return m (s, 4) with Σ mᵢ (Xᵢ, Yᵢ, 1) = 0: the areas of the triangles that leave i out."""
+    """Return m (s, 4) with Σ mᵢ (Xᵢ, Yᵢ, 1) = 0: the areas of the triangles that omit point i."""
 
     def area(i: int, j: int, k: int) -> Array:
         a, b = board[:, j] - board[:, i], board[:, k] - board[:, i]

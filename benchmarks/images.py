@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The pictures of docs/derivation.md, from one instance.
+Draws depth_cone.png and sextic.png of docs/derivation.md, both for one instance.
 
-    python -m benchmarks.pictures [--output docs]
+    python -m benchmarks.images [--output docs]
 """
 
 from __future__ import annotations
@@ -26,23 +26,27 @@ from p4pfr_ros.scenes.instances import instances
 
 _DOCS = Path(__file__).parent.parent / 'docs'
 
-# Chosen for four roots that can be told apart in a picture.
+# An instance with four roots that are well separated in the figure.
 _SEED = 188
 COLORS = ('#1f5fa8', '#d9722b', '#3a8f5c', '#8a4f9e')
 SHADE, INK = '#e8eef5', '#333333'
 
 
 class Scene(NamedTuple):
-    """One instance as far as its sextic."""
+    """The depth cone and the sextic of one instance."""
 
     rays: Array
     factors: Factors
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Draw both pictures."""
-    parser = argparse.ArgumentParser(prog='python -m benchmarks.pictures', description=__doc__)
-    parser.add_argument('--output', type=Path, default=_DOCS, metavar='FOLDER')
+    """Draw both figures."""
+    parser = argparse.ArgumentParser(
+        prog='python -m benchmarks.images', description=__doc__.split('\n\n')[0]
+    )
+    parser.add_argument(
+        '--output', type=Path, default=_DOCS, metavar='FOLDER', help='default: docs'
+    )
     output = parser.parse_args(arguments).output
     scene = prepare(_SEED)
     with mpl.rc_context(STYLE):
@@ -52,7 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def prepare(seed: int) -> Scene:
-    """Take an instance through the solver's first steps."""
+    """Run the first steps of the solver on an instance."""
     drawn = instances('patch', 1, seed)
     image, board = drawn.image_points[0], drawn.board_points[0]
     room = workspace()
@@ -64,10 +68,10 @@ def prepare(seed: int) -> Scene:
 
 
 def roots(f: Factors, low: float = 0.0, high: float = 1.0) -> Array:
-    """Return the real roots between two τ, by a fine sampling and bisection."""
+    """Return the real roots between two τ, by dense sampling and bisection."""
     tau = np.linspace(low, high, 20_001)
     signs = np.sign(values(f, tau))
-    found = []
+    located = []
     for i in np.nonzero(signs[:-1] * signs[1:] < 0.0)[0]:
         left, right = tau[i], tau[i + 1]
         for _ in range(60):
@@ -76,12 +80,12 @@ def roots(f: Factors, low: float = 0.0, high: float = 1.0) -> Array:
                 left = middle
             else:
                 right = middle
-        found.append(left)
-    return np.array(found)
+        located.append(left)
+    return np.array(located)
 
 
 def values(f: Factors, tau: Array) -> Array:
-    """Return the sextic at many τ."""
+    """Evaluate the sextic at many τ."""
     return np.array([evaluate(f, float(t)).sextic for t in tau])
 
 
@@ -94,7 +98,7 @@ def _draw_cone(scene: Scene) -> Figure:
 
 
 def _draw_plane(axes: Any, scene: Scene) -> None:
-    """Draw the plane Σ λᵢ vᵢ = 0 of R⁴ with the lines where one depth is zero."""
+    """Draw the plane Σ λᵢ vᵢ = 0 in R⁴ and the lines on which one depth is zero."""
     a, b = scene.rays
     first = (a + b) / np.linalg.norm(a + b)
     second = b - a - ((b - a) @ first) * first
@@ -116,7 +120,7 @@ def _draw_plane(axes: Any, scene: Scene) -> None:
     )
     size = 1.35 * max(np.linalg.norm(a2), np.linalg.norm(b2))
     axes.set(xlim=(-size, size), ylim=(-0.5 * size, size), aspect='equal', xticks=[], yticks=[])
-    axes.set_title('the plane Σ λᵢ vᵢ = 0; shaded: no λ is negative')
+    axes.set_title('the plane Σ λᵢ vᵢ = 0; shaded: all λ ≥ 0')
     axes.legend(loc='lower right', ncols=2, frameon=True, edgecolor='none', framealpha=1.0)
 
 
@@ -146,7 +150,7 @@ def _draw_sextic(scene: Scene) -> Figure:
     f = scene.factors
     _draw_curve(whole, f)
     _draw_polygon(whole, f, 0.0, 1.0, COLORS[0])
-    whole.set_title(f'one interval: {variations(f, 0.0, 1.0)} changes of sign')
+    whole.set_title(f'one interval: {variations(f, 0.0, 1.0)} sign changes')
     _draw_curve(parts, f)
     for j, (low, high) in enumerate(isolate(f, 0.0, 1.0)):
         _draw_polygon(parts, f, low, high, COLORS[j % 2])
@@ -158,7 +162,7 @@ def _draw_sextic(scene: Scene) -> Figure:
             ha='center',
             color=COLORS[j % 2],
         )
-    parts.set_title('split until each has at most one (numbers)')
+    parts.set_title('split until each part has at most one sign change (numbers)')
     return figure
 
 
@@ -172,7 +176,7 @@ def _draw_curve(axes: Any, f: Factors) -> None:
         axes.plot(
             root, 0.0, 'o', color=INK, markerfacecolor=INK if feasible else 'white', zorder=5
         )
-    # Cube roots: what is small beside the ends is seen too, and signs stay.
+    # A cube-root scale shows small values too, and preserves signs.
     axes.set_yscale('function', functions=(np.cbrt, _cube))
     axes.set(xlabel='τ', ylabel='S, on a scale of cube roots', ylim=(-1.3, 1.3), yticks=[0.0])
 
@@ -188,14 +192,14 @@ def _draw_polygon(axes: Any, f: Factors, low: float, high: float, color: str) ->
 
 
 def variations(f: Factors, low: float, high: float) -> int:
-    """Count the changes of sign among an interval's Bernstein coefficients."""
+    """Count the sign changes among the Bernstein coefficients of an interval."""
     signs = np.sign(coefficients(f, low, high))
     signs = signs[signs != 0.0]
     return int(np.sum(signs[:-1] != signs[1:]))
 
 
 def isolate(f: Factors, low: float, high: float) -> list[tuple[float, float]]:
-    """Halve until no part has more than one change of sign (the kernel splits nearer a root)."""
+    """Halve until no part has more than one sign change (the kernel splits nearer to a root)."""
     if variations(f, low, high) <= 1:
         return [(low, high)]
     middle = 0.5 * (low + high)

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The pose by a known camera, against cv2.solvePnP with refinement on undistorted points."""
+"""Pose with a known camera, against cv2.solvePnP with refinement on undistorted points."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ KNOWN_HEADER = (
     'estimate_pose:\nrotation ° / position %',
     'OpenCV:\nrotation ° / position %',
     'estimate_pose, ms',
-    'OpenCV, ms,\npoints undistorted before',
+    'OpenCV, ms,\nwithout undistortion',
     'ratio',
 )
 
 
 def known_rows(scenes: int) -> list[tuple[str, ...]]:
-    """Measure every number of points, over so many scenes."""
+    """Measure each number of points over the given number of scenes."""
     return [_row(n, views_of(n, 0, scenes)) for n in _POINTS]
 
 
 def _row(n: int, views: list[View]) -> tuple[str, ...]:
     prepared = [undistort(v) for v in views]
-    theirs = [pose_from_undistorted(*p) for p in prepared]
+    opencv = [pose_from_undistorted(*p) for p in prepared]
     estimates = [estimate_pose(v.image_points, v.board_points, camera=v.camera) for v in views]
     ours = [e.model.camera_from_board if e.model else None for e in estimates]
     times = median_ms(
@@ -49,7 +49,7 @@ def _row(n: int, views: list[View]) -> tuple[str, ...]:
     return (
         str(n),
         _medians(ours, views),
-        _medians(theirs, views),
+        _medians(opencv, views),
         f'{times["ours"]:.3f}',
         f'{times["opencv"]:.3f}',
         f'{times["ours"] / times["opencv"]:.2f}',
@@ -66,8 +66,8 @@ def _error(pose: Pose | None, drawn: View) -> tuple[float, float]:
     if pose is None:
         return math.inf, math.inf
     truth = drawn.camera_from_board
-    away = np.linalg.norm(pose.translation - truth.translation)
+    distance = np.linalg.norm(pose.translation - truth.translation)
     return (
         math.degrees(rotation_angle_rad(pose.rotation, truth.rotation)),
-        100.0 * float(away / np.linalg.norm(truth.translation)),
+        100.0 * float(distance / np.linalg.norm(truth.translation)),
     )

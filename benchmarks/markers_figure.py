@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-docs/markers.png: what pose_node publishes on ~/markers, drawn from the message itself.
+Draws docs/markers.png: the message that pose_node publishes on ~/markers.
 
     python -m benchmarks.markers_figure [--output docs]
 """
@@ -28,14 +28,18 @@ _DOCS = Path(__file__).parent.parent / 'docs'
 _SIZE = (640, 480)
 _CAMERA = DivisionCamera(330.0, (319.5, 239.5), -0.25)
 _FACING = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.05, 0.0, 0.32]))
-_TURN_RAD = [0.35, -0.5, 0.15]
-_BACKGROUND = '#303030'  # RViz's own
+_ROTATION_RAD = [0.35, -0.5, 0.15]
+_BACKGROUND = '#303030'  # RViz's default
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Draw the picture."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--output', type=Path, default=_DOCS, metavar='FOLDER')
+    """Draw the figure."""
+    parser = argparse.ArgumentParser(
+        prog='python -m benchmarks.markers_figure', description=__doc__.split('\n\n')[0]
+    )
+    parser.add_argument(
+        '--output', type=Path, default=_DOCS, metavar='FOLDER', help='default: docs'
+    )
     folder = parser.parse_args(arguments).output
     with mpl.rc_context(STYLE):
         figure = draw(view())
@@ -44,10 +48,10 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def view() -> MarkerArray:
-    """Make the markers of one noisy view with two wrong points."""
+    """Make the markers of one noisy view with two outliers."""
     x, y = np.meshgrid(np.linspace(-0.1, 0.1, 9), np.linspace(-0.0625, 0.0625, 6))
     board = np.stack([x.ravel(), y.ravel()], axis=1)
-    pose = _FACING @ Pose.from_rotation_vector(_TURN_RAD, np.zeros(3))
+    pose = _FACING @ Pose.from_rotation_vector(_ROTATION_RAD, np.zeros(3))
     image = _CAMERA.project(pose.transform(np.pad(board, ((0, 0), (0, 1)))))
     image += np.random.default_rng(2).normal(0.0, 0.5, image.shape)
     image[[12, 40]] += 15.0
@@ -57,13 +61,13 @@ def view() -> MarkerArray:
 
 
 def draw(msg: MarkerArray) -> Figure:
-    """Draw each marker as RViz would, in the camera's frame seen over its shoulder."""
+    """Draw each marker as RViz would, in the camera frame, seen from behind the camera."""
     figure = Figure(figsize=(6.0, 4.2))
     axes: Any = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection='3d')
     axes.set_axis_off()
     axes.set_facecolor(_BACKGROUND)
     for marker in msg.markers:
-        # To matplotlib z is up: the optical frame's y is down, its z forward.
+        # In matplotlib z is up; in the optical frame y is down and z forward.
         x, y, z = in_camera(marker).T
         _draw_marker(axes, marker, np.stack([x, z, -y], axis=1))
     for name, (low, high) in {'x': (-0.2, 0.2), 'y': (-0.03, 0.37), 'z': (-0.2, 0.2)}.items():
@@ -74,7 +78,7 @@ def draw(msg: MarkerArray) -> Figure:
 
 
 def in_camera(marker: Marker) -> Array:
-    """Return a marker's points (N, 3) in its header's frame."""
+    """Return the points (N, 3) of a marker in the frame of its header."""
     q, p = marker.pose.orientation, marker.pose.position
     pose = Pose.from_quaternion_xyzw([q.x, q.y, q.z, q.w], [p.x, p.y, p.z])
     return pose.transform([(point.x, point.y, point.z) for point in marker.points])

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The minimal solver in one table: recall, checks and speed, beside what others published.
+The minimal solver in one table: recall, checks and speed, with published results of others.
 
     python -m benchmarks.minimal [--quick] [--markdown FILE]
 """
@@ -20,30 +20,33 @@ from rich.box import SIMPLE_HEAVY
 from rich.console import Console
 from rich.table import Table
 
-from .accuracy import Accuracy, Class, CLASSES, measure
+from .accuracy import Accuracy, CLASSES, InstanceClass, measure
 from .published import EIGVALS_US, RECALL, Recall, TIMES_US, UNPUBLISHED
 from .speed import batch_speed, single_speed, Speed
 
 _TIMING_SEED = 12345
-_WIDTH = 140
+_WIDTH = 160
 
 HEADER = (
     'instances',
     'recall %\nto 1e-6',
     'recall %\nto 1e-3',
-    'solu-\ntions',
+    'solutions per\ninstance',
     'batch,\neigvals',
-    'one call,\neigvals',
-    'off,\npx',
+    'single call,\neigvals',
+    'largest re-\nprojection\nerror, px',
     'limit °',
     'radialpose °',
     "paper's\ncode °",
 )
-FOOTNOTE = '° published on another machine, recall % at 1e-6 / 1e-3; empty: not published.'
+FOOTNOTE = (
+    'Columns with ° are published results from another machine, recall % at 1e-6 / 1e-3; empty: '
+    'not published. limit: the recall that image points rounded to double precision allow.'
+)
 
 
 class Row(NamedTuple):
-    """One class of instances."""
+    """The results for one class of instances."""
 
     name: str
     accuracy: Accuracy
@@ -52,7 +55,7 @@ class Row(NamedTuple):
     published: Recall
 
     def cells(self) -> tuple[str, ...]:
-        """Format as HEADER has it."""
+        """Format the row in the order of HEADER."""
         a = self.accuracy
         return (
             self.name,
@@ -61,41 +64,47 @@ class Row(NamedTuple):
             f'{a.solutions / a.instances:.2f}',
             f'{self.batch.ratio:.3f}',
             f'{self.single.ratio:.2f}',
-            f'{a.off_px:.0e}',
+            f'{a.max_reprojection_px:.0e}',
             *self.published,
         )
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Measure, print, and return 1 if any solution failed its checks."""
-    parser = argparse.ArgumentParser(prog='python -m benchmarks.minimal', description=__doc__)
-    parser.add_argument('--quick', action='store_true', help='10,000 instances a class')
-    parser.add_argument('--markdown', type=Path, metavar='FILE', help='write the table there too')
+    """Run the benchmark, print the table, and return 1 if any solution failed its checks."""
+    parser = argparse.ArgumentParser(
+        prog='python -m benchmarks.minimal', description=__doc__.split('\n\n')[0]
+    )
+    parser.add_argument(
+        '--quick', action='store_true', help='10,000 instances per class instead of 100,000'
+    )
+    parser.add_argument(
+        '--markdown', type=Path, metavar='FILE', help='also write the table to FILE'
+    )
     options = parser.parse_args(arguments)
     n = 10_000 if options.quick else 100_000
     console = Console()
-    console.width = max(console.width, _WIDTH)  # what is cut off helps nobody
+    console.width = max(console.width, _WIDTH)  # do not truncate cells
     rows = []
     with console.status('') as status:
-        for name, chosen in CLASSES.items():
+        for name, instance_class in CLASSES.items():
             status.update(f'{name}: {n:,} instances')
-            rows.append(_row(name, chosen, n))
-    title = f'{n:,} instances a class, without noise'
+            rows.append(_row(name, instance_class, n))
+    title = f'{n:,} instances per class, without noise'
     notes = _notes(rows)
     console.print(_table(rows, title), *notes, sep='\n', soft_wrap=True)
     if options.markdown:
         options.markdown.write_text(_markdown(rows, title, notes), encoding='utf-8')
-    return 0 if all(row.accuracy.sound for row in rows) else 1
+    return 0 if all(row.accuracy.valid for row in rows) else 1
 
 
-def _row(name: str, chosen: Class, n: int) -> Row:
-    drawn = chosen.draw(n // 2, _TIMING_SEED)
-    some = chosen.draw(n // 20, _TIMING_SEED)
+def _row(name: str, instance_class: InstanceClass, n: int) -> Row:
+    for_batch = instance_class.draw(n // 2, _TIMING_SEED)
+    for_single = instance_class.draw(n // 20, _TIMING_SEED)
     return Row(
         name,
-        measure(chosen, n),
-        batch_speed(drawn),
-        single_speed(some),
+        measure(instance_class, n),
+        batch_speed(for_batch),
+        single_speed(for_single),
         RECALL.get(name, UNPUBLISHED),
     )
 
@@ -109,32 +118,33 @@ def _notes(rows: list[Row]) -> list[str]:
 
 
 def _checks(a: Accuracy) -> str:
-    beyond = (
-        'none beyond 1e-9 of the image size'
-        if a.over == 0
+    above = (
+        'none above 1e-9 of the image size'
+        if a.over_limit == 0
         else (
-            f'{a.over} beyond 1e-9 of the image size, {a.over - a.unexplained} of them because '
-            'the translation of a board far from its origin, rounded, moves the point as much'
+            f'{a.over_limit} above 1e-9 of the image size, {a.over_limit - a.unexplained} of them '
+            'explained by the rounding of the translation of a board far from its origin'
         )
     )
     return (
-        f'Checks on all {a.solutions:,} solutions: largest |RᵀR - I| {a.off_rotation:.0e}; '
-        f'{a.behind} with a depth λ ≤ 0; largest error of reprojection {a.off_px:.0e} px, '
-        f'{beyond}.'
+        f'Checks on all {a.solutions:,} solutions: largest |RᵀR - I| {a.max_rotation_defect:.0e}; '
+        f'{a.negative_depths} with a depth λ ≤ 0; largest reprojection error '
+        f'{a.max_reprojection_px:.0e} px, {above}.'
     )
 
 
 def _times(rows: list[Row]) -> str:
     eigvals_us = float(np.mean([row.batch.eigvals_us for row in rows]))
     patch = rows[0]
-    theirs = ', '.join(
+    published = ', '.join(
         f'{name} {us:g} µs = {us / EIGVALS_US:.1f}' for name, us in TIMES_US.items()
     )
     return (
-        f'One 6x6 np.linalg.eigvals, the unit: {eigvals_us:.2f} µs here, {EIGVALS_US} µs on the '
-        f'other machine. {patch.name}, here: {patch.batch.solve_us:.2f} µs = '
-        f'{patch.batch.ratio:.2f} in a batch on one core, {patch.single.solve_us:.1f} µs = '
-        f'{patch.single.ratio:.1f} called one by one. Published on the other machine: {theirs}.'
+        f'Unit of time, one 6x6 np.linalg.eigvals: {eigvals_us:.2f} µs on this machine, '
+        f'{EIGVALS_US} µs on the other. {patch.name}, this machine: '
+        f'{patch.batch.solve_us:.2f} µs = {patch.batch.ratio:.2f} in a batch on one core, '
+        f'{patch.single.solve_us:.1f} µs = {patch.single.ratio:.1f} per single call. '
+        f'Published, other machine: {published}.'
     )
 
 

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-pose_node under load, over DDS: how long a pose takes, how many a second, how much memory.
+pose_node under load, over DDS: latency, highest message rate, memory.
 
     python -m benchmarks.node [--points N ...] [--rates HZ ...] [--markdown FILE] [--help]
 
-Real processes: the node, one that echoes for comparison, and this one, which sends and receives.
+Three processes: pose_node, an echo node for comparison, and this one, which sends and receives.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import p4pfr_ros.ros  # noqa: F401  (names the ament index)
+import p4pfr_ros.ros  # noqa: F401  (sets the path of the ament index)
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rich.console import Console
 
-from .node_load import DEPTH, Load, Run
+from .node_load import DEPTH, LoadGenerator, Run
 from .node_process import MeasuredProcess
 from .node_report import LATENCY_HEADER, NOTE, RATE_HEADER
 from .node_views import IMAGE_SIZE, MARKER_M, POINTS, Views, views_of
@@ -33,13 +33,13 @@ from .tables import page_of, Row, table_of
 RATES_HZ = (30, 200, 1000)
 LADDER_HZ = (500, 750, 1000, 1250, 1500, 2000, 2500, 3000, 4000)
 LADDER_POINTS = 24
-_ON_TIME = 0.97  # of the rate, or the sender is what is measured
+_MIN_RATE = 0.97  # share of the nominal rate; below it, the sender is the bottleneck
 
-ECHO = 'bare transport'
+ECHO = 'echo'
 SELF_CALIBRATE, PER_FRAME = 'self_calibrate', 'per_frame'
 _WARM_UP, _WARM_UP_HZ = 2000, 250.0
-_FEWEST = 150
-_ROUNDS = 5  # of all cases of a rate, so that what disturbs the machine disturbs all of them
+_MIN_MESSAGES = 150  # per case and rate
+_ROUNDS = 5  # each round runs all cases of a rate, so that disturbances affect all of them
 
 Table = tuple[str, Row, list[Row]]
 
@@ -49,16 +49,29 @@ _COMMAND = 'python -m benchmarks.node'
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(prog='python -m benchmarks.node', description=__doc__)
-    parser.add_argument('--seconds', type=float, default=5.0, help='a cell; default: %(default)s')
-    parser.add_argument(
-        '--messages', type=int, default=100_000, help='for the memory; default: %(default)s'
+    """Run the benchmark and print the tables."""
+    parser = argparse.ArgumentParser(
+        prog='python -m benchmarks.node', description=__doc__.split('\n\n')[0]
     )
-    parser.add_argument('--points', type=int, nargs='+', choices=POINTS, default=POINTS)
-    parser.add_argument('--rates', type=int, nargs='+', metavar='HZ', default=RATES_HZ)
-    parser.add_argument('--latency-only', action='store_true', help='no highest rate, no memory')
-    parser.add_argument('--markdown', type=Path, metavar='FILE', help='write the tables there too')
+    parser.add_argument(
+        '--seconds', type=float, default=5.0, help='seconds per cell; default: %(default)s'
+    )
+    parser.add_argument(
+        '--messages',
+        type=int,
+        default=100_000,
+        help='messages in the memory test; default: %(default)s',
+    )
+    parser.add_argument(
+        '--points', type=int, nargs='+', choices=POINTS, default=POINTS, help='board sizes'
+    )
+    parser.add_argument(
+        '--rates', type=int, nargs='+', metavar='HZ', default=RATES_HZ, help='message rates'
+    )
+    parser.add_argument('--latency-only', action='store_true', help='skip highest rate and memory')
+    parser.add_argument(
+        '--markdown', type=Path, metavar='FILE', help='also write the tables to FILE'
+    )
     options = parser.parse_args(arguments)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     console = Console()
@@ -77,7 +90,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _measured(console: Console, options: argparse.Namespace) -> tuple[list[Table], list[str]]:
-    """Return the tables and the notes below them."""
+    """Run all measurements; return the tables and the notes below them."""
     latencies: list[Row] = []
     tables: list[Table] = [('Latency', LATENCY_HEADER, latencies)]
     notes = [NOTE]
@@ -92,8 +105,8 @@ def _measured(console: Console, options: argparse.Namespace) -> tuple[list[Table
 
 
 @contextmanager
-def _loads(views: Views) -> Iterator[tuple[Views, dict[str, Load]]]:
-    """Start the echo and a node of each mode, warm; the idle ones cost nothing."""
+def _loads(views: Views) -> Iterator[tuple[Views, dict[str, LoadGenerator]]]:
+    """Start and warm up the echo node and a pose_node per mode; idle nodes cost nothing."""
     with ExitStack() as stack:
         folder = Path(stack.enter_context(TemporaryDirectory(prefix='p4pfr_bench_')))
         peer = rclpy.create_node('bench')
@@ -102,13 +115,13 @@ def _loads(views: Views) -> Iterator[tuple[Views, dict[str, Load]]]:
         executor.add_node(peer)
         loads = {}
         for name in (ECHO, SELF_CALIBRATE, PER_FRAME):
-            namespace = f'/bench_{os.getpid()}/{name.replace(" ", "_")}'
+            namespace = f'/bench_{os.getpid()}/{name}'
             process = stack.enter_context(_start(name, namespace, folder / name))
-            loads[name] = Load(peer, executor, process, namespace, views)
+            loads[name] = LoadGenerator(peer, executor, process, namespace, views)
         for load in loads.values():
             load.process.wait_until_ready()
-            load.wait_until_heard(views.everywhere[0])
-            load.at_rate(views.everywhere, _WARM_UP_HZ, _WARM_UP)
+            load.wait_until_connected(views.jumping[0])
+            load.at_rate(views.jumping, _WARM_UP_HZ, _WARM_UP)
         yield views, loads
 
 
@@ -135,38 +148,38 @@ def _start(name: str, namespace: str, log: Path) -> MeasuredProcess:
 
 
 def _latencies(
-    console: Console, views: Views, loads: dict[str, Load], options: argparse.Namespace
+    console: Console, views: Views, loads: dict[str, LoadGenerator], options: argparse.Namespace
 ) -> Iterator[Row]:
-    """Measure each mode at each rate, and the bare transport at that rate, in turns."""
+    """Measure each mode and the echo node at each rate, alternating between them."""
     cases = [
         (ECHO, 'moving', views.moving),
-        (SELF_CALIBRATE, 'everywhere', views.everywhere),
+        (SELF_CALIBRATE, 'jumping', views.jumping),
         (SELF_CALIBRATE, 'moving', views.moving),
-        (SELF_CALIBRATE, 'still', views.still),
+        (SELF_CALIBRATE, 'static', views.static),
         (PER_FRAME, 'moving', views.moving),
     ]
     for rate_hz in options.rates:
-        count = max(_FEWEST, round(rate_hz * options.seconds)) // _ROUNDS
+        count = max(_MIN_MESSAGES, round(rate_hz * options.seconds)) // _ROUNDS
         rounds = [
             [loads[mode].at_rate(messages, rate_hz, count) for mode, _, messages in cases]
             for _ in range(_ROUNDS)
         ]
-        bare, *runs = (Run.pooled(of_case) for of_case in zip(*rounds, strict=True))
+        echo, *runs = (Run.pooled(of_case) for of_case in zip(*rounds, strict=True))
         for (mode, board, _), run in zip(cases[1:], runs, strict=True):
-            row = (str(views.points), str(rate_hz), mode, board, *_compared(run, bare))
+            row = (str(views.points), str(rate_hz), mode, board, *_compared(run, echo))
             console.print(*row)
             yield row
 
 
-def _compared(run: Run, bare: Run) -> Row:
-    ours, theirs = ([r.quantile_ms(share) for share in (0.5, 0.99)] for r in (run, bare))
-    beyond = [a - b for a, b in zip(ours, theirs, strict=True)]
-    numbers = [f'{value:.2f}' for value in (*ours, *theirs, *beyond)]
-    return (*numbers, str(run.lost), f'{run.processor_ms:.2f}', f'{bare.processor_ms:.2f}')
+def _compared(run: Run, echo: Run) -> Row:
+    node_ms, echo_ms = ([r.quantile_ms(share) for share in (0.5, 0.99)] for r in (run, echo))
+    added_ms = [a - b for a, b in zip(node_ms, echo_ms, strict=True)]
+    numbers = [f'{value:.2f}' for value in (*node_ms, *echo_ms, *added_ms)]
+    return (*numbers, str(run.lost), f'{run.processor_ms:.2f}', f'{echo.processor_ms:.2f}')
 
 
 def _highest_rates(
-    console: Console, views: Views, loads: dict[str, Load], seconds: float
+    console: Console, views: Views, loads: dict[str, LoadGenerator], seconds: float
 ) -> list[Row]:
     rows = []
     for name, load in loads.items():
@@ -174,7 +187,7 @@ def _highest_rates(
         for rate_hz in LADDER_HZ:
             run = load.at_rate(views.moving, rate_hz, round(rate_hz * seconds))
             console.print(name, rate_hz, f'{run.rate_hz:.0f}', run.lost)
-            if run.lost or run.rate_hz < _ON_TIME * rate_hz:
+            if run.lost or run.rate_hz < _MIN_RATE * rate_hz:
                 break
             best = run
         rows.append((name, *_at_best(best)))
@@ -188,15 +201,15 @@ def _at_best(run: Run | None) -> Row:
     return (f'{run.rate_hz:.0f}', p50, p99, f'{100.0 * run.processor_s / run.sending_s:.0f}')
 
 
-def _memory(views: Views, load: Load, count: int) -> str:
-    """Say how much memory the node holds before and after so many messages."""
+def _memory(views: Views, load: LoadGenerator, count: int) -> str:
+    """Report the memory of the node before and after the given number of messages."""
     before = load.process.memory_mib
-    run = load.one_after_the_other(views.everywhere, count)
+    run = load.closed_loop(views.jumping, count)
     after = load.process.memory_mib
     return (
-        f'Memory of the node in the mode {SELF_CALIBRATE}, {views.points} points: {before:.1f} '
-        f'MiB when warm, {after:.1f} MiB after {count:,} messages more, sent as fast as they were '
-        f'answered: {run.rate_hz:.0f} a second, {run.lost} lost.'
+        f'Memory of pose_node in mode {SELF_CALIBRATE}, {views.points} points: {before:.1f} MiB '
+        f'after warm-up, {after:.1f} MiB after {count:,} further messages, sent as fast as poses '
+        f'came back: {run.rate_hz:.0f} per second, {run.lost} lost.'
     )
 
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The bare transport, for comparison: a node that answers at once, with a message like pose_node's.
+The echo node, for comparison: replies immediately, with the message type of pose_node.
 
     python -m benchmarks.node_echo --ros-args -p qos_overrides...
 """
@@ -19,19 +19,19 @@ from sensor_msgs.msg import PointCloud2
 
 
 class Echo(Node):  # type: ignore[misc]
-    """Hears what pose_node hears; its answer has the question's header, and nothing else."""
+    """Subscribes to the topics of pose_node; replies with a pose that has only the header set."""
 
     def __init__(self) -> None:
         super().__init__('pose_node')
-        self._answer = PoseWithCovarianceStamped()
+        self._reply = PoseWithCovarianceStamped()
         self._publisher = advertise(self, PoseWithCovarianceStamped, '~/pose_with_covariance')
         subscribe(self, PolygonStamped, 'corners', self._on_message)
         subscribe(self, PointCloud2, 'correspondences', self._on_message)
         self.get_logger().info('ready')
 
     def _on_message(self, msg: Any) -> None:
-        self._answer.header = msg.header
-        self._publisher.publish(self._answer)
+        self._reply.header = msg.header
+        self._publisher.publish(self._reply)
 
 
 if __name__ == '__main__':

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sends views to a node at a rate, and measures when the poses come back."""
+"""Sends views to a node at a given rate, and measures the latency of the poses."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from rclpy.qos import QoSProfile
 from .node_process import MeasuredProcess
 from .node_views import Views
 
-# Reliable, on both sides: what waits for longer than this many messages take is lost.
+# QoS depth, reliable on both sides: if more messages than this are waiting, some are lost.
 DEPTH = 100
 
-_PATIENCE_S = 20.0
-_SILENCE_S = 1.0  # after which what has not come does not come
+_TIMEOUT_S = 20.0
+_IDLE_S = 1.0  # without a reply: outstanding replies are lost
 _IN_FLIGHT = 8
 _NS = 1_000_000_000
 
@@ -32,10 +32,10 @@ _NS = 1_000_000_000
 @dataclass(frozen=True, slots=True)
 class Run:
     """
-    What came of some messages.
+    The result of sending a series of messages.
 
-    latencies_ms of those that were answered; how many were sent, in what time, and how long the
-    node kept a processor busy with them.
+    latencies_ms of the replies; number of messages sent; duration of sending; CPU time of the
+    node.
     """
 
     latencies_ms: Array
@@ -45,7 +45,7 @@ class Run:
 
     @classmethod
     def pooled(cls, runs: Sequence[Run]) -> Run:
-        """Make one of several."""
+        """Combine several runs into one."""
         return cls(
             np.concatenate([run.latencies_ms for run in runs]),
             sum(run.sent for run in runs),
@@ -55,44 +55,44 @@ class Run:
 
     @property
     def lost(self) -> int:
-        """How many were not answered."""
+        """The number of messages without a reply."""
         return self.sent - len(self.latencies_ms)
 
     @property
     def processor_ms(self) -> float:
-        """The processor's time for an answer."""
+        """The CPU time of the node per reply."""
         return (
             1e3 * self.processor_s / len(self.latencies_ms) if len(self.latencies_ms) else np.nan
         )
 
     @property
     def rate_hz(self) -> float:
-        """How many were sent per second: a sender may be late."""
+        """The achieved rate, messages per second; lower than nominal if the sender is late."""
         return self.sent / self.sending_s
 
     def quantile_ms(self, share: float) -> float:
-        """Return the latency that a share of the answers was within; NaN: there is none."""
+        """Return a quantile of the latency; NaN without replies."""
         return float(np.quantile(self.latencies_ms, share)) if len(self.latencies_ms) else np.nan
 
 
-class Load:
+class LoadGenerator:
     """
-    Talks to one node: sends and listens in one thread.
+    Sends messages to one node and receives its replies, in one thread.
 
-    A message's stamp is the steady clock's when it is sent, and an answer has its question's.
+    A message is stamped with the steady clock when it is sent; its reply has the same stamp.
 
     Parameters
     ----------
     peer
-        The node that talks.
+        The node that sends and receives.
     executor
-        Its executor, which is spun here only.
+        The executor of peer; it is spun only here.
     process
-        The one that is talked to.
+        The process of the node under test.
     namespace
-        Its namespace; its name is pose_node.
+        The namespace of the node under test; its name is pose_node.
     views
-        What it is sent.
+        The messages to send.
 
     """
 
@@ -116,19 +116,19 @@ class Load:
             QoSProfile(depth=DEPTH),
         )
 
-    def wait_until_heard(self, message: Any) -> None:
-        """Send a message until it is answered."""
-        ends_s = time.monotonic() + _PATIENCE_S
+    def wait_until_connected(self, message: Any) -> None:
+        """Send a message repeatedly until a reply arrives."""
+        ends_s = time.monotonic() + _TIMEOUT_S
         self._latencies_ms = []
         while not self._latencies_ms:
             if time.monotonic() > ends_s:
-                raise RuntimeError('the node does not answer')
+                raise RuntimeError('no reply from the node')
             self._send(message)
-            self._listen(0.2)
+            self._receive(0.2)
         self._drain(-1)
 
     def at_rate(self, messages: Sequence[Any], rate_hz: float, count: int) -> Run:
-        """Send so many messages, the given ones in turn, at a steady rate."""
+        """Send count messages at a constant rate, cycling through the given ones."""
         self._latencies_ms = []
         before_s, start_s = self.process.processor_s, time.monotonic()
         for i in range(count):
@@ -140,19 +140,19 @@ class Load:
         self._drain(count)
         return self._run(count, sending_s, before_s)
 
-    def one_after_the_other(self, messages: Sequence[Any], count: int) -> Run:
-        """Send so many messages as fast as they are answered, a few being on their way."""
+    def closed_loop(self, messages: Sequence[Any], count: int) -> Run:
+        """Send count messages as fast as replies arrive, with a few in flight."""
         self._latencies_ms = []
         before_s, start_s = self.process.processor_s, time.monotonic()
         for i in range(count):
-            heard_s = time.monotonic()
+            last_reply_s = time.monotonic()
             while i - len(self._latencies_ms) >= _IN_FLIGHT:
                 before = len(self._latencies_ms)
-                self._executor.spin_once(timeout_sec=_SILENCE_S)
+                self._executor.spin_once(timeout_sec=_IDLE_S)
                 if len(self._latencies_ms) > before:
-                    heard_s = time.monotonic()
-                elif time.monotonic() - heard_s > _PATIENCE_S:
-                    raise RuntimeError(f'no answers any more after {i} messages')
+                    last_reply_s = time.monotonic()
+                elif time.monotonic() - last_reply_s > _TIMEOUT_S:
+                    raise RuntimeError(f'no more replies after {i} messages')
             self._send(messages[i % len(messages)])
         sending_s = time.monotonic() - start_s
         self._drain(count)
@@ -172,14 +172,14 @@ class Load:
         sent_ns = _NS * stamp.sec + stamp.nanosec
         self._latencies_ms.append(1e-6 * (time.monotonic_ns() - sent_ns))
 
-    def _listen(self, duration_s: float) -> None:
+    def _receive(self, duration_s: float) -> None:
         ends_s = time.monotonic() + duration_s
         while (left_s := ends_s - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left_s)
 
     def _drain(self, count: int) -> None:
-        """Listen until so many have come, or nothing comes any more."""
+        """Receive until count replies have arrived, or no more arrive."""
         before = -1
         while len(self._latencies_ms) != count and len(self._latencies_ms) > before:
             before = len(self._latencies_ms)
-            self._listen(_SILENCE_S)
+            self._receive(_IDLE_S)

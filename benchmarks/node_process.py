@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A node as a process that is measured from outside: its processor time and its memory."""
+"""Runs a node as a process, and measures its CPU time and memory."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ import sys
 import time
 from typing import Any
 
-_PATIENCE_S = 120.0  # the first time, kernels are compiled
-_LAST_WORDS_S = 10.0
+_STARTUP_TIMEOUT_S = 120.0  # the first start compiles the kernels
+_SHUTDOWN_TIMEOUT_S = 10.0
 _TICKS_PER_S = os.sysconf('SC_CLK_TCK')
 
 
 class MeasuredProcess(AbstractContextManager['MeasuredProcess']):
     """
-    Starts a module that says that it is ready, and ends it when the ``with`` block is left.
+    Starts a module that logs "ready", and stops it at the end of the ``with`` block.
 
     Parameters
     ----------
     module
-        What ``python -m`` runs.
+        The module for ``python -m``.
     namespace
-        Of its node.
+        The namespace of its node.
     settings
-        Of its node.
+        The parameters of its node.
     log
-        File that its output goes to.
+        The file for its output.
 
     """
 
@@ -50,8 +50,8 @@ class MeasuredProcess(AbstractContextManager['MeasuredProcess']):
             )
 
     def wait_until_ready(self) -> None:
-        """Wait for its word; ``RuntimeError`` with its output if it ends or is silent instead."""
-        ends_s = time.monotonic() + _PATIENCE_S
+        """Wait for "ready" in the log; ``RuntimeError`` with the log on exit or timeout."""
+        ends_s = time.monotonic() + _STARTUP_TIMEOUT_S
         while 'ready' not in self._log.read_text(errors='replace'):
             if self._process.poll() is not None or time.monotonic() > ends_s:
                 raise RuntimeError(f'not ready: {self._log.read_text(errors="replace")}')
@@ -59,21 +59,22 @@ class MeasuredProcess(AbstractContextManager['MeasuredProcess']):
 
     @property
     def processor_s(self) -> float:
-        """Time that its threads have kept processors busy."""
-        # The name, in parentheses, may hold spaces; user and system time are fields 14 and 15.
+        """The CPU time of all its threads."""
+        # The process name, in parentheses, may contain spaces. Fields 14 and 15 are user and
+        # system time.
         fields = self._proc('stat').rpartition(')')[2].split()
         return (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
 
     @property
     def memory_mib(self) -> float:
-        """Memory that it holds."""
+        """Its resident memory."""
         line = next(li for li in self._proc('status').splitlines() if li.startswith('VmRSS:'))
         return int(line.split()[1]) / 1024.0
 
     def __exit__(self, *_: object) -> None:
         self._process.send_signal(signal.SIGINT)
         try:
-            self._process.wait(_LAST_WORDS_S)
+            self._process.wait(_SHUTDOWN_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The headings of the benchmark of pose_node, and what is to be said of its tables."""
+"""Headings and notes for the tables of the pose_node benchmark."""
 
 from __future__ import annotations
 
@@ -11,26 +11,25 @@ LATENCY_HEADER = (
     'points',
     'messages/s',
     'mode',
-    'board',
+    'board motion',
     'p50 ms',
     'p99 ms',
-    'bare p50',
-    'bare p99',
-    'beyond p50',
-    'beyond p99',
+    'echo p50',
+    'echo p99',
+    'added p50',
+    'added p99',
     'lost',
     'CPU ms',
-    'bare CPU',
+    'echo CPU ms',
 )
-RATE_HEADER = ('', 'highest rate without loss', 'p50 ms there', 'p99 ms there', 'CPU % there')
+RATE_HEADER = ('', 'highest rate without loss', 'p50 ms', 'p99 ms', 'CPU %')
 NOTE = (
-    'Corners in to pose out (pose_with_covariance) between processes, the sender being the '
-    'receiver. Bare transport: a node in Python that hears the same messages and answers at once; '
-    'beyond: the difference of the two, which were measured in turns. Boards of 4 points are '
-    'markers on the topic corners, the '
-    f'others clouds on correspondences. Both sides reliable, depth {DEPTH}; lost: of all '
-    'that were sent. self_calibrate after it has converged. The '
-    'board is everywhere: each view from another place, as no board moves; moving: there and '
-    'back, in real time at 200 messages a second; or still. CPU ms: processor time of an answer, '
-    "the bare transport's beside it."
+    'Latency from publishing a message to receiving pose_with_covariance, between processes; one '
+    'process sends and receives. Echo: a Python node that receives the same messages and replies '
+    'immediately; added: latency of pose_node minus echo, measured alternately. Boards of 4 '
+    'points are markers on the topic corners, the others clouds on correspondences. QoS on both '
+    f'sides: reliable, depth {DEPTH}. Lost: messages without a pose. self_calibrate: measured '
+    'after the calibration has converged. Board motion: jumping (each view from another place, '
+    'faster than a board moves), moving (back and forth, real time at 200 messages per second), '
+    'or static. CPU ms: CPU time per pose; echo CPU ms: the same for the echo node.'
 )

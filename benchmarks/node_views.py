@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages for the benchmark of pose_node, made before anything is measured."""
+"""Messages for the pose_node benchmark, generated before the measurement."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ IMAGE_SIZE = (640, 480)
 _CAMERA = DivisionCamera(520.0, (328.0, 232.0), -0.25)
 _NOISE_PX = 0.2
 _VIEWS = 200
-# Of the simulated path, from one view to the next: far apart, and as at 200 messages a second.
+# Time on the simulated path between views: far apart, and as at 200 messages per second.
 _FAR_S, _NEAR_S = 0.4, 0.005
-_THERE = 400  # views on the way there, and as many back
+_ONE_WAY = 400  # views in one direction
 
 _BOARDS: dict[int, Board] = {
     4: Marker(id=0, size_m=MARKER_M, dictionary='DICT_APRILTAG_36h11'),
@@ -40,20 +40,20 @@ POINTS = tuple(_BOARDS)
 @dataclass(frozen=True, slots=True)
 class Views:
     """
-    What a camera sees of a board of so many points, as messages that differ in their noise.
+    Messages with noisy views of a board with the given number of points.
 
-    everywhere: each from another place; moving: there and back, in real time at 200 a second;
-    still: from one place.
+    jumping: each view from another place; moving: back and forth, in real time at 200 per
+    second; static: from one place.
     """
 
     points: int
-    everywhere: Sequence[Any]
+    jumping: Sequence[Any]
     moving: Sequence[Any]
-    still: Sequence[Any]
+    static: Sequence[Any]
 
     @property
     def topic(self) -> str:
-        """Return where pose_node hears them."""
+        """Return the topic of pose_node for these messages."""
         return 'corners' if self.points == 4 else 'correspondences'
 
     @property
@@ -63,26 +63,26 @@ class Views:
 
 
 def views_of(points: int) -> Views:
-    """Make the views of the board with so many points, one of ``POINTS``."""
+    """Make the views of the board with the given number of points, one of ``POINTS``."""
     board = _BOARDS[points]
     path, rng = SimulatedPath(board, IMAGE_SIZE, 0), np.random.default_rng(points)
-    everywhere = [_message(path, i * _FAR_S, board, rng) for i in range(_VIEWS)]
-    way = [*range(_THERE), *reversed(range(_THERE))]
-    moving = [_message(path, i * _NEAR_S, board, rng) for i in way]
-    still = [_message(path, 0.0, board, rng) for _ in range(_VIEWS)]
-    return Views(points, everywhere, moving, still)
+    jumping = [_message(path, i * _FAR_S, board, rng) for i in range(_VIEWS)]
+    there_and_back = [*range(_ONE_WAY), *reversed(range(_ONE_WAY))]
+    moving = [_message(path, i * _NEAR_S, board, rng) for i in there_and_back]
+    static = [_message(path, 0.0, board, rng) for _ in range(_VIEWS)]
+    return Views(points, jumping, moving, static)
 
 
 def _message(
     path: SimulatedPath, time_s: float, board: Board, rng: np.random.Generator
 ) -> PolygonStamped | PointCloud2:
     pose = path.at(time_s, _CAMERA)
-    seen_px = _CAMERA.project(pose.transform(np.pad(board.points, ((0, 0), (0, 1)))))
-    seen_px += rng.normal(0.0, _NOISE_PX, seen_px.shape)
+    image_px = _CAMERA.project(pose.transform(np.pad(board.points, ((0, 0), (0, 1)))))
+    image_px += rng.normal(0.0, _NOISE_PX, image_px.shape)
     header = Header(frame_id='camera_optical_frame')
-    if len(seen_px) == 4:
-        return _polygon(header, seen_px)
-    return cloud_msg(header, seen_px, board.points, np.arange(len(seen_px)))
+    if len(image_px) == 4:
+        return _polygon(header, image_px)
+    return cloud_msg(header, image_px, board.points, np.arange(len(image_px)))
 
 
 def _polygon(header: Header, corners_px: Array) -> PolygonStamped:

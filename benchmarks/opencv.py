@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a user calls today, as the unit of time: OpenCV on the same kind of views."""
+"""Timing of OpenCV and of ``estimate_pose`` on the same views."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import View, view
 
-# What is timed, by name: one call after another.
+# The calls to time, by name; each list is repeated in order.
 Calls = dict[str, list[Callable[[], object]]]
 
 _CALIBRATE_FLAGS = (
@@ -29,7 +29,7 @@ _CALIBRATE_FLAGS = (
 
 
 def calibrate(drawn: View) -> None:
-    """Call cv2.calibrateCamera on one view, k1 free."""
+    """Call cv2.calibrateCamera on one view, with k1 free."""
     guess_px = float(max(IMAGE_SIZE))
     x, y = (IMAGE_SIZE[0] - 1) / 2.0, (IMAGE_SIZE[1] - 1) / 2.0
     matrix = np.array([[guess_px, 0.0, x], [0.0, guess_px, y], [0.0, 0.0, 1.0]])
@@ -39,14 +39,18 @@ def calibrate(drawn: View) -> None:
 
 
 def pose_from_undistorted(points: Array, undistorted: Array) -> Pose:
-    """Call cv2.solvePnP (IPPE) and its refinement on points (N, 3) and (N, 2) of z = 1."""
-    _, turn, shift = cv2.solvePnP(points, undistorted, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
-    turn, shift = cv2.solvePnPRefineLM(points, undistorted, np.eye(3), None, turn, shift)
-    return Pose(cv2.Rodrigues(turn)[0], shift.ravel())
+    """Call cv2.solvePnP (IPPE) and its refinement on points (N, 3) and (N, 2) at z = 1."""
+    _, rotation, translation = cv2.solvePnP(
+        points, undistorted, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+    )
+    rotation, translation = cv2.solvePnPRefineLM(
+        points, undistorted, np.eye(3), None, rotation, translation
+    )
+    return Pose(cv2.Rodrigues(rotation)[0], translation.ravel())
 
 
 def undistort(drawn: View) -> tuple[Array, Array]:
-    """Return what OpenCV wants: board points (N, 3), and image points (N, 2) at z = 1."""
+    """Return the inputs of solvePnP: board points (N, 3), undistorted image points (N, 2)."""
     rays = drawn.camera.unproject(drawn.image_points)
     return _in_space(drawn.board_points), np.ascontiguousarray(rays[:, :2] / rays[:, 2:])
 
@@ -56,23 +60,23 @@ def _in_space(board: Array) -> Array:
 
 
 def estimate(drawn: View) -> None:
-    """Call ``estimate_pose`` with nothing known."""
+    """Call ``estimate_pose`` with an unknown camera."""
     estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
 
 
 def estimate_known(drawn: View) -> None:
-    """Call ``estimate_pose`` with the camera."""
+    """Call ``estimate_pose`` with the known camera."""
     estimate_pose(drawn.image_points, drawn.board_points, camera=drawn.camera)
 
 
 def views_of(n_points: int, outlier_percent: int, count: int) -> list[View]:
-    """Draw views to time with."""
+    """Draw views for the timing."""
     rng = np.random.default_rng([n_points, outlier_percent, 1])
     return [view(rng, n_points, outlier_share=outlier_percent / 100.0) for _ in range(count)]
 
 
 def median_ms(calls: Calls, rounds: int) -> dict[str, float]:
-    """Time calls in turn, so that a busy machine slows all alike; return each one's median."""
+    """Return median times; calls alternate, so that a busy machine slows all of them alike."""
     times: dict[str, list[float]] = {name: [] for name in calls}
     for _ in range(rounds):
         for i in range(max(map(len, calls.values()))):

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What was measured of others, once, on another machine; ratios travel, absolute times do not.
+Published results of other minimal solvers, from another machine: compare ratios, not times.
 
-The peers: Oskarsson's paper (arXiv:1805.10705) and its Matlab code (under Octave, with a wrong
-sign mended), and radialpose's planar solver (C++ and Eigen, -O3 -march=native).
+The solvers: Oskarsson's paper (arXiv:1805.10705) and its Matlab code (under Octave, with a wrong
+sign fixed), and the planar solver of radialpose (C++ and Eigen, -O3 -march=native).
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 
 class Recall(NamedTuple):
-    """Percent recalled at 1e-6 and at 1e-3; texts, as some are ranges."""
+    """Recall in percent at 1e-6 and at 1e-3; strings, because some are ranges."""
 
-    limit: str  # what image points rounded to double allow
+    limit: str  # the recall that image points rounded to double allow
     radialpose: str
     paper_code: str
 
@@ -39,10 +39,10 @@ RECALL = {
     'patch, board moved by 1000': _MOVED,
 }
 
-# One 6x6 np.linalg.eigvals took this long there.
+# Time of one 6x6 np.linalg.eigvals on that machine.
 EIGVALS_US = 4.3
 
-# Microseconds a solve, on the machine of EIGVALS_US but for the first.
+# Microseconds per solve; all but the first on the machine of EIGVALS_US.
 TIMES_US = {
     'paper, Matlab, its own machine': 300.0,
     "paper's code, Octave": 738.0,

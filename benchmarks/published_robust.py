@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-What was measured of other robust estimators, once, on another machine and other scenes.
+Published results of other robust estimators, from another machine and other scenes.
 
-200 scenes a cell, by the same description as ours: 0.5 px noise, tilt 15 to 65°, outliers
+200 scenes per cell, drawn by the same rules as ours: 0.5 px noise, tilt 15 to 65°, outliers
 uniform in the image.
 """
 
@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 
 class Figures(NamedTuple):
-    """Success %, median rotation error °, median focal error %, ms (None: not timed)."""
+    """Success %, median rotation error °, median focal length error %, ms (None: not timed)."""
 
     success: float
     rotation_deg: float
@@ -22,12 +22,12 @@ class Figures(NamedTuple):
     milliseconds: float | None = None
 
 
-IDEAL = 'least squares from the truth'
+IDEAL = 'least squares from ground truth'
 RADIALPOSE = 'radialpose LO-MSAC'
 POSELIB = 'PoseLib 3.0.0, default'
 POSELIB_MORE = 'PoseLib 3.0.0, 100 to 10,000 iterations'
 
-# By number of points and percent of outliers.
+# Keys: number of points, percentage of outliers.
 ROBUST = {
     (100, 0): {
         IDEAL: Figures(99.5, 0.068, 0.26),

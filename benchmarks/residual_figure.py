@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The picture of ``benchmarks.residuals``."""
+"""The figure of ``benchmarks.residuals``."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from p4pfr_ros.report.figure_style import BLUE, GREEN, GREY, ORANGE, STYLE
 
 from .published import QUANTILES, RESIDUALS
 
-# The scatter shows this many solutions at most, ever denser towards the horizon.
+# The scatter plot shows at most this many solutions, denser towards the horizon.
 _SHOWN = 4_000
 
 
 class Residuals(NamedTuple):
-    """Residuals of all solutions, (s,) each, in the instances' own unit."""
+    """Residuals of all solutions, (s,) each, in the unit of the instances."""
 
     paper: Array
     paper_any_origin: Array
@@ -31,30 +31,30 @@ class Residuals(NamedTuple):
     horizon: Array  # smallest |1 + k r²|
 
 
-def draw_figure(found: Residuals, output: Path) -> None:
-    """Draw three panels: the histogram, its tail, and what makes the tail."""
+def draw_figure(residuals: Residuals, output: Path) -> None:
+    """Draw three panels: the histogram, its tail, and the cause of the tail."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(12.0, 4.3), layout='constrained')
         histogram, tail, cause = figure.subplots(1, 3)
-        _draw_histogram(histogram, found)
-        _draw_tail(tail, found)
-        _draw_cause(cause, found)
+        _draw_histogram(histogram, residuals)
+        _draw_tail(tail, residuals)
+        _draw_cause(cause, residuals)
         output.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(output, dpi=110)
 
 
-def _senses(found: Residuals) -> tuple[tuple[str, Array, str], ...]:
+def _definitions(residuals: Residuals) -> tuple[tuple[str, Array, str], ...]:
     return (
-        ("undistorted, paper's sense", found.paper, BLUE),
-        ('undistorted, true rotation', found.rotation, ORANGE),
-        ('in the image, true rotation', found.image, GREEN),
+        ("undistorted, paper's sense", residuals.paper, BLUE),
+        ('undistorted, true rotation', residuals.rotation, ORANGE),
+        ('in the image, true rotation', residuals.image, GREEN),
     )
 
 
-def _draw_histogram(axes: Any, found: Residuals) -> None:
+def _draw_histogram(axes: Any, residuals: Residuals) -> None:
     bins = np.arange(-18.0, -3.9, 0.2)
-    for name, residuals, color in _senses(found):
-        logs = np.log10(residuals)
+    for name, values, color in _definitions(residuals):
+        logs = np.log10(values)
         axes.hist(logs, bins, histtype='step', color=color, linewidth=1.4, label=name)
     median = RESIDUALS['paper'][0]
     axes.axvline(median, color=GREY, linestyle=':', linewidth=1.2)
@@ -66,7 +66,7 @@ def _draw_histogram(axes: Any, found: Residuals) -> None:
         fontsize=8,
     )
     axes.set(
-        title=f'{len(found.paper):,} solutions, all four λ of one sign',
+        title=f'{len(residuals.paper):,} solutions, all four λ of the same sign',
         xlabel='log10 of the residual (RMS over four points)',
         ylabel='solutions per 0.2',
         xlim=(-17.5, -7.0),
@@ -74,18 +74,17 @@ def _draw_histogram(axes: Any, found: Residuals) -> None:
     axes.legend(loc='upper right')
 
 
-def _draw_tail(axes: Any, found: Residuals) -> None:
-    for _, residuals, color in _senses(found):
-        logs = np.sort(np.log10(residuals))
+def _draw_tail(axes: Any, residuals: Residuals) -> None:
+    for _, values, color in _definitions(residuals):
+        logs = np.sort(np.log10(values))
         above = 1.0 - np.arange(len(logs)) / len(logs)
         axes.plot(logs, above, color=color, linewidth=1.6)
-    lost = 1.0 - np.array(QUANTILES[:-1])
-    # The maximum of n has 1/n above it, n as many as there are here.
-    lost = np.append(lost, 1.0 / len(found.paper))
-    for (name, values), marker in zip(RESIDUALS.items(), 'os^v', strict=True):
+    # Plot the maximum of n values at 1/n, with the n of this run.
+    above_share = [1.0 - share for share in QUANTILES[:-1]] + [1.0 / len(residuals.paper)]
+    for (name, published), marker in zip(RESIDUALS.items(), 'os^v', strict=True):
         axes.plot(
-            values,
-            lost,
+            published,
+            above_share,
             marker,
             linestyle=':',
             color=GREY,
@@ -103,16 +102,16 @@ def _draw_tail(axes: Any, found: Residuals) -> None:
     axes.legend(loc='upper right')
 
 
-def _draw_cause(axes: Any, found: Residuals) -> None:
-    ranks = np.unique(np.geomspace(1, len(found.horizon), _SHOWN).astype(int)) - 1
-    shown = np.argsort(found.horizon)[ranks]
-    for _, residuals, color in _senses(found)[1:]:
-        axes.plot(found.horizon[shown], residuals[shown], '.', color=color, markersize=2.2)
+def _draw_cause(axes: Any, residuals: Residuals) -> None:
+    ranks = np.unique(np.geomspace(1, len(residuals.horizon), _SHOWN).astype(int)) - 1
+    shown = np.argsort(residuals.horizon)[ranks]
+    for _, values, color in _definitions(residuals)[1:]:
+        axes.plot(residuals.horizon[shown], values[shown], '.', color=color, markersize=2.2)
     w = np.geomspace(1e-6, 1.0, 50)
     axes.plot(w, np.finfo(float).eps / w**2, color='black', linewidth=1.0)
-    axes.annotate('ε / (1 + k r²)²:\nthe rounding of k', (2e-5, 1e-5), fontsize=8)
+    axes.annotate('ε / (1 + k r²)²:\nrounding of k', (2e-5, 1e-5), fontsize=8)
     axes.set(
-        title='the tail is the horizon',
+        title='cause of the tail: points near 90°',
         xlabel='smallest |1 + k r²| (0: 90° from the axis)',
         xscale='log',
         yscale='log',

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Robust estimation in one table: success, errors and time, beside least squares from the truth.
+Robust estimation in two tables: success rate, errors and time, unknown and known camera.
 
     python -m benchmarks.robust [--scenes N] [--markdown FILE]
 """
@@ -32,11 +32,11 @@ _COMMAND = 'python -m benchmarks.robust --markdown'
 HEADER = (
     'points',
     'outliers',
-    'least squares\nfrom the truth',
+    'least squares\nfrom ground truth',
     'estimate_pose',
     'samples',
     'ms',
-    'of cv2.cali-\nbrateCamera',
+    'ratio to cv2.cali-\nbrateCamera',
     'least squares °',
     'radialpose °',
     'PoseLib 3.0.0 °,\ndefault',
@@ -45,20 +45,26 @@ HEADER = (
 NOTE = (
     'Success % (rotation within 1°, focal length within 5 %) / median errors: rotation °, focal '
     'length %, position %. 0.5 px noise, tilt 15 to 65°, outliers uniform in the image. '
-    '° published: another machine, other scenes of the same description; success / rotation / '
-    'focal length / ms.'
+    'Columns with ° are published results (another machine, other scenes drawn by the same '
+    'rules): success / rotation / focal length / ms.'
 )
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(prog='python -m benchmarks.robust', description=__doc__)
-    parser.add_argument('--scenes', type=int, default=200, help='a cell; default: %(default)s')
-    parser.add_argument('--markdown', type=Path, metavar='FILE', help='write the tables there too')
+    """Run the benchmark and print the tables."""
+    parser = argparse.ArgumentParser(
+        prog='python -m benchmarks.robust', description=__doc__.split('\n\n')[0]
+    )
+    parser.add_argument(
+        '--scenes', type=int, default=200, help='scenes per row; default: %(default)s'
+    )
+    parser.add_argument(
+        '--markdown', type=Path, metavar='FILE', help='also write the tables to FILE'
+    )
     options = parser.parse_args(arguments)
     cv2.setNumThreads(1)
     console = Console()
-    console.width = max(console.width, _WIDTH)  # what is cut off helps nobody
+    console.width = max(console.width, _WIDTH)  # do not truncate cells
     rows = []
     with console.status('') as status:
         times = _times()
@@ -67,12 +73,12 @@ def main(arguments: list[str] | None = None) -> int:
             cell = measure_cell(n, percent, options.scenes)
             rows.append(_row(cell, times))
         known = known_rows(options.scenes)
-    title = f'{options.scenes} scenes a cell, nothing known of the camera'
+    title = f'{options.scenes} scenes per row, unknown camera'
     unit = (
-        f'cv2.calibrateCamera, one view of 24 points, k1 free: {times["opencv"]:.3f} ms here, '
-        'medians of calls in turn with ours.'
+        f'cv2.calibrateCamera, one view of 24 points, k1 free: {times["opencv"]:.3f} ms on this '
+        'machine; medians, calls alternated with estimate_pose.'
     )
-    tables = [(title, HEADER, rows), ('The camera known: pose alone', KNOWN_HEADER, known)]
+    tables = [(title, HEADER, rows), ('Known camera: pose only', KNOWN_HEADER, known)]
     for name, header, body in tables:
         console.print(table_of(name, header, body))
     console.print(NOTE, unit, sep='\n', soft_wrap=True)
@@ -84,7 +90,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _times() -> dict[str, float]:
-    """Return the median time of each cell, ms, and OpenCV's under ``opencv``."""
+    """Return the median time, ms, of each cell, and of OpenCV under the key ``opencv``."""
     calls: Calls = {
         f'{n} {percent}': [
             functools.partial(estimate, v) for v in views_of(n, percent, _TIMED_VIEWS)
@@ -92,7 +98,7 @@ def _times() -> dict[str, float]:
         for n, percent in _CELLS
     }
     calls['opencv'] = [functools.partial(calibrate, v) for v in views_of(24, 0, _TIMED_VIEWS)]
-    median_ms(calls, 1)  # compiles, and warms up
+    median_ms(calls, 1)  # compile and warm up
     return median_ms(calls, _TIMED_ROUNDS)
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One cell of the robust benchmark: the same scenes for the package and for the ideal."""
+"""One cell of the robust benchmark: ``estimate_pose`` and the ideal fit on the same scenes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import math
 import time
 
 import numpy as np
-from p4pfr_ros import estimate_pose, Pose, PoseEstimate, Solution
+from p4pfr_ros import estimate_pose, PoseEstimate, Solution
 from p4pfr_ros.core.geometry import Array, rotation_angle_rad
 from p4pfr_ros.core.minimal.solution import G, H, ROW_SIZE, solution_from_row, TRANSLATION
 from p4pfr_ros.core.one_view.free_camera import Gates
@@ -22,13 +22,13 @@ _ANY_CAMERA = Gates(800.0, 0.0, math.pi, math.inf)
 _STEPS = 200
 _TOLERANCE = 1e-14
 
-# A scene is solved so often, and its fastest time counts.
+# Each scene is timed this many times; the fastest time counts.
 _REPEATS = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Of n scenes: rotation (degrees), focal length and position (percent), each (n,)."""
+    """Errors of n scenes, (n,) each: rotation (degrees), focal length and position (percent)."""
 
     rotation_deg: Array
     focal: Array
@@ -36,7 +36,7 @@ class Errors:
 
     @property
     def success(self) -> float:
-        """Percent of scenes with the rotation within 1° and the focal length within 5 %."""
+        """Percentage of scenes with rotation within 1° and focal length within 5 %."""
         return 100.0 * float(np.mean((self.rotation_deg < 1.0) & (self.focal < 5.0)))
 
     @property
@@ -50,25 +50,25 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """What was measured over the scenes of one cell."""
+    """The results over the scenes of one cell."""
 
     n_points: int
     outlier_percent: int
-    ideal: Errors  # least squares from the truth on the true inliers
+    ideal: Errors  # least squares from ground truth on the true inliers
     ours: Errors
     milliseconds: float
     iterations: float
 
 
 def measure_cell(n_points: int, outlier_percent: int, scenes: int) -> Cell:
-    """Draw the scenes of a cell and estimate each."""
+    """Draw the scenes of a cell and estimate each of them."""
     rng = np.random.default_rng([n_points, outlier_percent])
     views = [view(rng, n_points, outlier_share=outlier_percent / 100.0) for _ in range(scenes)]
     timed = [_timed(v) for v in views]
     return Cell(
         n_points,
         outlier_percent,
-        _errors([from_the_truth(v) for v in views], views),
+        _errors([fit_from_ground_truth(v) for v in views], views),
         _errors([estimate.model for estimate, _ in timed], views),
         1e3 * float(np.median([seconds for _, seconds in timed])),
         float(np.median([estimate.iterations for estimate, _ in timed])),
@@ -84,11 +84,11 @@ def _timed(drawn: View) -> tuple[PoseEstimate, float]:
     return estimate, best_s
 
 
-def from_the_truth(drawn: View) -> Solution:
-    """Refine the truth on the true inliers: what no method without a prior does better."""
-    inside = ~drawn.outlier
-    image = np.ascontiguousarray(drawn.image_points[inside] - drawn.camera.center_px)
-    board = np.ascontiguousarray(drawn.board_points[inside])
+def fit_from_ground_truth(drawn: View) -> Solution:
+    """Refine ground truth on the true inliers: the best result possible without a prior."""
+    inlier = ~drawn.outlier
+    image = np.ascontiguousarray(drawn.image_points[inlier] - drawn.camera.center_px)
+    board = np.ascontiguousarray(drawn.board_points[inlier])
     row = np.empty(ROW_SIZE)
     row[:TRANSLATION] = drawn.camera_from_board.rotation.ravel()
     row[TRANSLATION:G] = drawn.camera_from_board.translation
@@ -106,14 +106,10 @@ def _errors(models: list[Solution | None], views: list[View]) -> Errors:
 def _error(model: Solution | None, drawn: View) -> tuple[float, float, float]:
     if model is None:
         return math.inf, math.inf, math.inf
-    found, truth = model.camera_from_board, drawn.camera_from_board
-    away = np.linalg.norm(_position(found) - _position(truth)) / np.linalg.norm(_position(truth))
+    pose, truth = model.camera_from_board, drawn.camera_from_board
+    distance = np.linalg.norm(pose.translation - truth.translation)
     return (
-        math.degrees(rotation_angle_rad(found.rotation, truth.rotation)),
+        math.degrees(rotation_angle_rad(pose.rotation, truth.rotation)),
         100.0 * abs(model.camera.focal_px / drawn.camera.focal_px - 1.0),
-        100.0 * float(away),
+        100.0 * float(distance / np.linalg.norm(truth.translation)),
     )
-
-
-def _position(pose: Pose) -> Array:
-    return pose.translation

@@ -15,8 +15,8 @@ from p4pfr_ros import solve_p4pfr, solve_p4pfr_batch
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.scenes.instances import Instances
 
-# A block takes a millisecond or two: short enough that the machine's mood lasts for the two of a
-# pair, long enough that the clock does not count.
+# A block takes a millisecond or two: short enough that both blocks of a pair run under the same
+# conditions, long enough that the resolution of the clock does not matter.
 _MATRICES = 250
 _SOLVES = 500
 _CALLS = 100
@@ -24,9 +24,9 @@ _CALLS = 100
 
 @dataclass(frozen=True, slots=True)
 class Speed:
-    """The median over pairs of blocks."""
+    """Medians over pairs of blocks."""
 
-    ratio: float  # one solve, in eigvals
+    ratio: float  # time of one solve / time of one eigvals
     solve_us: float
     eigvals_us: float
 
@@ -37,7 +37,7 @@ def batch_speed(drawn: Instances) -> Speed:
 
 
 def single_speed(drawn: Instances) -> Speed:
-    """Time ``solve_p4pfr`` called from Python, problem by problem."""
+    """Time ``solve_p4pfr``, called from Python for each problem."""
 
     def call_each(image: Array, board: Array) -> None:
         for points_px, points in zip(image, board, strict=True):
@@ -47,18 +47,20 @@ def single_speed(drawn: Instances) -> Speed:
 
 
 def _interleave(solve: Callable[[Array, Array], object], drawn: Instances, block: int) -> Speed:
-    """Time blocks of solves and of eigvals by turns; each instance once, or branches learn it."""
+    """Alternate blocks of solves and eigvals; each instance once, to defeat branch prediction."""
     pairs = len(drawn) // block
     matrices = companions(pairs * _MATRICES).reshape(pairs, _MATRICES, 6, 6)
-    solve(drawn.image_points[:block], drawn.board_points[:block])  # compiled, if it was not
-    taken = np.empty((pairs, 2))
+    solve(drawn.image_points[:block], drawn.board_points[:block])  # compile
+    times_us = np.empty((pairs, 2))
     for i in range(pairs):
         at = slice(i * block, (i + 1) * block)
         image, board, companion = drawn.image_points[at], drawn.board_points[at], matrices[i]
-        taken[i, 0] = _cpu_us(functools.partial(solve, image, board)) / block
-        taken[i, 1] = _cpu_us(functools.partial(np.linalg.eigvals, companion)) / _MATRICES
-    solve_us, eigvals_us = np.median(taken, axis=0)
-    return Speed(float(np.median(taken[:, 0] / taken[:, 1])), float(solve_us), float(eigvals_us))
+        times_us[i, 0] = _cpu_us(functools.partial(solve, image, board)) / block
+        times_us[i, 1] = _cpu_us(functools.partial(np.linalg.eigvals, companion)) / _MATRICES
+    solve_us, eigvals_us = np.median(times_us, axis=0)
+    return Speed(
+        float(np.median(times_us[:, 0] / times_us[:, 1])), float(solve_us), float(eigvals_us)
+    )
 
 
 def _cpu_us(work: Callable[[], object]) -> float:

@@ -4,7 +4,7 @@
 """
 The instances of the paper's residual figure, solved: board and image points standard normal.
 
-Nothing took these pictures, so k r² is of any size and sign, and 1 + k r² passes zero.
+No camera produced these points, so k r² has any size and sign, and 1 + k r² can be near zero.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from p4pfr_ros.core.minimal.solver import solve_minimal, Workspace, workspace
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
     """
-    All solutions with positive depths, s of them.
+    All s solutions with positive depths.
 
-    image and board (s, 4, 2) are the instance's, rows (s, 14) the solver's answer, and depths
-    (s, 4) the λ of the sextic's root, before any rotation was made of it.
+    image and board (s, 4, 2): points of the instance; rows (s, 14): solutions of the solver;
+    depths (s, 4): the λ at the sextic's root, before the rotation was computed.
     """
 
     image: Array
@@ -45,19 +45,19 @@ def draw(n: int, seed: int) -> tuple[Array, Array]:
 
 
 def solve(image: Array, board: Array) -> Solved:
-    """Solve n instances, the far branch of a fold included: the equations hold there too."""
+    """Solve n instances, including the far branch of a fold: the equations hold there too."""
     n = len(image)
     rows = np.empty((n, MAX_ROOTS, ROW_SIZE))
     depths = np.empty((n, MAX_ROOTS, 4))
     count = np.zeros((n, 2), dtype=np.int64)
     _solve_all(image, board, rows, depths, count, workspace())
-    # Roots and solutions pair by their order, and only while none is lost between them.
+    # Roots and solutions are matched by their order, so there must be as many of both.
     paired = count[:, 0] == count[:, 1]
     if not paired.all():
         raise RuntimeError(f'{np.sum(~paired)} instances have roots without a solution')
-    there = np.arange(MAX_ROOTS) < count[:, :1]
-    instance = np.nonzero(there)[0]
-    return Solved(image[instance], board[instance], rows[there], depths[there])
+    filled = np.arange(MAX_ROOTS) < count[:, :1]
+    instance = np.nonzero(filled)[0]
+    return Solved(image[instance], board[instance], rows[filled], depths[filled])
 
 
 @jit
@@ -71,7 +71,7 @@ def _solve_all(
 
 @jit
 def _depths(image: Array, board: Array, row: Array, depths: Array, room: Workspace) -> int:
-    """Go as far as ``solve_minimal`` does to its roots, and write their λ."""
+    """Run ``solve_minimal`` up to the roots, and write their λ."""
     if not (scale_image(image, room.image, room.radius) > 0.0):
         return 0
     if not board_weights(board, room.weights):

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables of what was measured: on the terminal, and on a page."""
+"""Tables of results, for the terminal and for Markdown pages."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from rich.table import Table
 
 Row = tuple[str, ...]
 
-# Title, header and rows; a heading may be broken over lines for the terminal.
+# Title, header and rows; line breaks in a heading apply to the terminal only.
 Measured = tuple[str, Row, Sequence[Row]]
 
 
 def table_of(title: str, header: Row, rows: Sequence[Row]) -> Table:
-    """Lay a table out for the terminal."""
+    """Format a table for the terminal."""
     table = Table(title=title, box=SIMPLE_HEAVY)
     for column in header:
         table.add_column(column, justify='right', no_wrap=True)
@@ -29,7 +29,7 @@ def table_of(title: str, header: Row, rows: Sequence[Row]) -> Table:
 def page_of(
     title: str, command: str, tables: Sequence[Measured], notes: Sequence[str] = ()
 ) -> str:
-    """Write tables and notes as a page in Markdown, which says the command that made it."""
+    """Format tables and notes as a Markdown page that names the command that wrote it."""
     lines = [f'# {title}', '', f'Written by `{command}`.']
     for heading, header, rows in tables:
         columns = (text.replace('-\n', '').replace('\n', ' ') for text in header)

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The benchmarks measure what they say: a solver that is wrong would show."""
+"""The benchmarks measure what they claim: a wrong solver gives a wrong result."""
 
 import dataclasses
 
@@ -21,26 +21,26 @@ def test_published_classes_are_measured():
     assert set(published.RECALL) <= set(accuracy.CLASSES)
 
 
-def test_the_truth_is_recalled_and_another_is_not():
-    chosen = accuracy.CLASSES['patch']
-    found = accuracy.measure(chosen, N)
-    assert found.to_1e6 >= 0.99 * N
-    assert found.sound
-    drawn = chosen.draw(N, 0)
+def test_recall_is_of_ground_truth_and_of_nothing_else():
+    patch = accuracy.CLASSES['patch']
+    measured = accuracy.measure(patch, N)
+    assert measured.to_1e6 >= 0.99 * N
+    assert measured.valid
+    drawn = patch.draw(N, 0)
     batch = accuracy.solve_p4pfr_batch(drawn.image_points, drawn.board_points)
     wrong = dataclasses.replace(drawn, focal_px=1.001 * drawn.focal_px)
     assert (accuracy.errors(wrong, batch) > 1e-6).all()
 
 
-def test_accuracy_adds_up():
+def test_accuracies_are_combined():
     one = accuracy.Accuracy(10, 9, 10, 20, 1e-15, 0, 1e-9, 1, 0)
     two = accuracy.Accuracy(5, 5, 5, 8, 2e-15, 1, 1e-10, 0, 0)
     assert one + two == accuracy.Accuracy(15, 14, 15, 28, 2e-15, 1, 1e-9, 1, 0)
-    assert one.sound
-    assert not (one + two).sound
+    assert one.valid
+    assert not (one + two).valid
 
 
-def test_residuals_are_small_and_see_a_wrong_camera():
+def test_residuals_are_small_and_detect_a_wrong_camera():
     right = solved()
     wrong = dataclasses.replace(right, rows=right.rows.copy())
     wrong.rows[:, H] *= 1.0 + 1e-6
