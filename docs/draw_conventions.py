@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The picture of docs/conventions.md, from the numbers that the tests hold.
+Draws docs/conventions.png from the numbers that the tests check.
 
     python docs/draw_conventions.py [--output docs/conventions.png]
 """
@@ -25,29 +25,29 @@ from p4pfr_ros.rendering.pattern import black_quads
 from p4pfr_ros.report.figure_style import STYLE
 
 TAG = Marker(id=0, size_m=1.0, dictionary='DICT_APRILTAG_36h11')
-# Of x, y and z, as everywhere in ROS.
+# The colours of x, y and z in ROS.
 AXES = ('#d8392f', '#3a9a4b', '#3f66d9')
 PAPER, INK, GREY, ORANGE = '#f4f4f2', '#cccccc', '#555555', '#d9722b'
 AXIS_LENGTH = 0.36
 
 
 def main() -> None:
-    """Draw the picture."""
+    """Draw the figure."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n\n')[0])
-    parser.add_argument('--output', type=Path, default=Path('docs/conventions.png'))
+    parser.add_argument('--output', type=Path, default=Path('docs/conventions.png'), help='figure')
     output = parser.parse_args().output
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 7.0), layout='constrained')
         panels = figure.subplots(2, 3).ravel()
-        for axes, (names, convention) in zip(panels, _alike(), strict=False):
+        for axes, (names, convention) in zip(panels, _distinct_conventions(), strict=False):
             _draw_marker(axes, names, convention)
         _draw_pixels(panels[-2])
         _draw_camera(panels[-1])
         figure.savefig(output, dpi=110)
 
 
-def _alike() -> list[tuple[list[str], Convention]]:
-    """Return the conventions that differ, each with the packages that have it."""
+def _distinct_conventions() -> list[tuple[list[str], Convention]]:
+    """Return the distinct conventions, each with the packages that use it."""
     groups: list[tuple[list[str], Convention]] = []
     for name, convention in CONVENTIONS.items():
         for names, other in groups:
@@ -63,7 +63,7 @@ def _alike() -> list[tuple[list[str], Convention]]:
 
 
 def _draw_marker(axes: Any, names: list[str], convention: Convention) -> None:
-    """Draw an upright marker with a package's axes, and its corners numbered."""
+    """Draw an upright marker with the axes and the numbered corners of a convention."""
     axes.fill(*(0.64 * np.array([[-1, 1, 1, -1], [-1, -1, 1, 1]])), color=PAPER)
     for quad in black_quads(TAG):
         axes.fill(*quad.T, color=INK, linewidth=0.0)
@@ -79,7 +79,7 @@ def _draw_marker(axes: Any, names: list[str], convention: Convention) -> None:
 
 
 def _draw_axis(axes: Any, name: str, axis: Any, color: str) -> None:
-    """Draw one axis as the viewer sees it: an arrow, or along the line of sight a dot or cross."""
+    """Draw one axis as the viewer sees it: an arrow, or a dot or cross along the line of sight."""
     if abs(axis[2]) < 0.5:
         end = AXIS_LENGTH * axis[:2]
         _arrow(axes, (0.0, 0.0), end, color, width=3.0)
@@ -87,14 +87,14 @@ def _draw_axis(axes: Any, name: str, axis: Any, color: str) -> None:
         return
     axes.plot(0.0, 0.0, 'o', markersize=17, color='white', markeredgecolor=color, mew=2.5)
     axes.plot(0.0, 0.0, '.' if axis[2] > 0.0 else 'x', markersize=9, color=color, mew=2.5)
-    towards = 'z, to the viewer' if axis[2] > 0.0 else 'z, into the marker'
+    direction = 'z, to the viewer' if axis[2] > 0.0 else 'z, into the marker'
     place = (-0.07, -0.1 * np.sign(axis[2]))
     halo = [withStroke(linewidth=3.0, foreground='white')]
-    axes.text(*place, towards, color=color, size=9, ha='right', va='center', path_effects=halo)
+    axes.text(*place, direction, color=color, size=9, ha='right', va='center', path_effects=halo)
 
 
 def _draw_pixels(axes: Any) -> None:
-    """Draw the first pixels of a picture, and what their middles are called."""
+    """Draw the first pixels of an image, with the coordinates of their centres."""
     for row in range(2):
         for column in range(2):
             shade = PAPER if (row + column) % 2 else '#dcdcda'
@@ -104,13 +104,13 @@ def _draw_pixels(axes: Any) -> None:
             axes.text(column + 0.5, row + 0.36, ours, color=AXES[2], ha='center')
             axes.text(column + 0.5, row + 0.72, theirs, color=ORANGE, ha='center')
     axes.text(0.0, 2.15, 'OpenCV, image_proc, p4pfr_ros', color=AXES[2])
-    axes.text(0.0, 2.33, "AprilTag's own library, apriltag_ros", color=ORANGE)
-    _finish(axes, 'the middles of the first four pixels', None)
+    axes.text(0.0, 2.33, 'AprilTag library, apriltag_ros', color=ORANGE)
+    _finish(axes, 'centres of the first four pixels', None)
     axes.set(xlim=(-0.15, 2.15), ylim=(2.45, -0.1))
 
 
 def _draw_camera(axes: Any) -> None:
-    """Draw the optical frame of REP-103 as one who stands behind the camera sees it."""
+    """Draw the optical frame of REP-103, seen from behind the camera."""
     axes.fill([0.0, 1.6, 1.6, 0.0], [0.0, 0.0, 1.2, 1.2], color=PAPER)
     axes.plot([0.0, 1.6, 1.6, 0.0, 0.0], [0.0, 0.0, 1.2, 1.2, 0.0], color=GREY, linewidth=1.0)
     middle = np.array([0.8, 0.6])
@@ -122,9 +122,9 @@ def _draw_camera(axes: Any) -> None:
         )
     axes.plot(*middle, 'o', markersize=17, color='white', markeredgecolor=AXES[2], mew=2.5)
     axes.plot(*middle, 'x', markersize=9, color=AXES[2], mew=2.5)
-    axes.text(0.72, 0.48, 'z, ahead', color=AXES[2], size=9, ha='right', va='center')
+    axes.text(0.72, 0.48, 'z, forward', color=AXES[2], size=9, ha='right', va='center')
     axes.text(0.03, 0.08, 'u to the right, v down', color=GREY, va='center')
-    _finish(axes, 'optical frame (REP-103), over the picture', None)
+    _finish(axes, 'optical frame (REP-103), on the image', None)
     axes.set(xlim=(-0.1, 1.7), ylim=(1.5, -0.3))
 
 
