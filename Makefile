@@ -1,15 +1,15 @@
-# Everything here needs Python 3.10 to 3.13 with venv, and nothing else: no ROS, no root.
+# All targets but ament need only Python 3.10 to 3.13 with venv: no ROS, no root.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INDEX := $(VENV)/share/ament_index/resource_index/packages
 MADE := $(VENV)/.made-from-setup.py
 
-# ament's index of the wheels. A ROS that happens to be sourced must not mix with them.
+# The ament index of the ROS wheels in the environment. A sourced ROS must not interfere.
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)
 unexport PYTHONPATH LD_LIBRARY_PATH RMW_IMPLEMENTATION
 
-# There are wheels of ROS for these.
+# ROS wheels exist for these versions of Python.
 define CHECK_PYTHON
 import sys
 if not (3, 10) <= sys.version_info[:2] <= (3, 13):
@@ -19,18 +19,18 @@ export CHECK_PYTHON
 
 .PHONY: help venv demo test lint ament colcon opencv46 clean
 help:
-	@echo 'make venv    the environment, $(VENV): this package (editable), ROS 2 wheels, tools'
-	@echo 'make demo    a simulated camera, detector and pose node over DDS; writes demo.png'
-	@echo 'make test    unit, property and DDS tests'
-	@echo 'make lint    style and types'
-	@echo 'make ament   licence headers and package.xml, by the linters of ROS'
-	@echo 'make colcon  build, run and test as a colcon workspace does'
-	@echo 'make opencv46  the image side with the oldest OpenCV that is still in use'
-	@echo 'make clean   removes all that the above made'
+	@echo 'make venv      create the environment $(VENV): this package (editable), ROS 2 wheels, tools'
+	@echo 'make demo      run a simulated camera, detector and pose node over DDS; writes demo.png'
+	@echo 'make test      run unit, property and DDS tests'
+	@echo 'make lint      check style and types'
+	@echo 'make ament     check package.xml against its schema (needs a sourced ROS, or apt)'
+	@echo 'make colcon    build, start and test in a colcon workspace'
+	@echo 'make opencv46  run the image tests with OpenCV 4.6, the oldest supported version'
+	@echo 'make clean     remove everything that these targets create'
 
 venv: $(MADE)
 
-# An editable install leaves data files out, so they are linked: it looks like any other prefix.
+# An editable install omits data files; the links make the environment a complete ament prefix.
 $(MADE): setup.py
 	@$(PYTHON) -c "$$CHECK_PYTHON"
 	$(PYTHON) -m venv $(VENV)
@@ -44,9 +44,9 @@ $(MADE): setup.py
 demo: venv
 	$(BIN)/p4pfr demo
 
-# The kernels are compiled once, and not by each worker, while those tests run that do without.
-# What talks over DDS comes by itself: its processes want the cores that the others would take.
-# Two at a time, module by module, each in a DDS domain of its own: they mostly wait.
+# The kernels are compiled once instead of by each worker, while the tests without JIT run.
+# DDS tests run last and alone, because their processes need the cores. They mostly wait, so two
+# modules run at a time, each in its own DDS domain.
 test: venv
 	$(BIN)/python -c 'from p4pfr_ros.ros.runtime.warm_up import warm_up; warm_up()' & compiler=$$!; \
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 1 test/core; status=$$?; \
