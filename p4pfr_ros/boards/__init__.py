@@ -2,26 +2,32 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The geometry of the boards that can be looked for: numbers only, no OpenCV.
+Geometry of the supported calibration boards: numbers only, no OpenCV.
 
-The frame of every board has its origin at the centre of the printed pattern (a bundle's: where its
-markers' places are counted from), x to the right, y up and z out of the board towards the viewer;
-metres. So a board seen head-on, upright, has the rotation ``camera_from_board`` diag(1, -1, -1).
+Board frame: x right, y up, z out of the board towards the viewer, in metres. The origin is the
+centre of the printed pattern; a bundle has its origin where its marker positions put it. An
+upright board seen head-on has the rotation ``camera_from_board`` = diag(1, -1, -1).
 
-Every board has
+Every board has these attributes:
 
-- ``points`` (N, 2) m: the points that can be detected; a point's id is its index here,
-- ``sheet_size_m``: width and height of the printed sheet around the origin, with a white margin,
-- ``black_squares`` (N, 4) m: left, bottom, right, top of those that belong to no marker,
-- ``marker_ids`` and ``marker_corners`` (N, 4, 2) m, clockwise from the marker's top left,
-- ``name``: its name, and that of its frame.
+==================  ===============  ==============================================================
+``name``            str              name of the board and of its frame
+``points``          (N, 2) m         the detectable points; the index of a point is its id
+``sheet_size_m``    (width, height)  printed sheet, centred on the origin, white margin included
+``black_squares``   (S, 4) m         black squares outside markers: left, bottom, right, top
+``marker_ids``      (M,) ints        ids of the markers
+``marker_corners``  (M, 4, 2) m      marker corners, clockwise from each marker's own top left
+==================  ===============  ==============================================================
+
+Boards with markers also have ``dictionary``, the name of an OpenCV marker dictionary.
+
+Boards are immutable. Their constructors raise ``ValueError('KEY: expected ..., got ...')``.
 """
 
 from __future__ import annotations
 
-from p4pfr_ros.boards.bundle import Bundle, PlacedMarker
 from p4pfr_ros.boards.chess import Charuco, Chessboard
-from p4pfr_ros.boards.markers import Marker, MarkerGrid
+from p4pfr_ros.boards.markers import Bundle, Marker, MarkerGrid, PlacedMarker
 
 __all__ = [
     'Board',
@@ -34,6 +40,6 @@ __all__ = [
     'PlacedMarker',
 ]
 
-# Point 4 n + i of these is corner i of marker n.
+# Boards whose points are marker corners: point 4 n + i is corner i of marker n.
 MarkerBoard = Marker | MarkerGrid | Bundle
 Board = Chessboard | Charuco | MarkerBoard

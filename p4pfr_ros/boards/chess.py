@@ -1,7 +1,11 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Boards with squares: the chessboard, and the ChArUco board."""
+"""
+Boards with black squares: the chessboard and the ChArUco board.
+
+This file stands alone: it has all boards whose points are corners between squares.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +17,14 @@ from p4pfr_ros.boards.parts import (
     check_dictionary,
     check_lengths,
     check_name,
-    checkers,
+    checkerboard_squares,
     grid_points,
     marker_corners_at,
 )
 from p4pfr_ros.core.geometry import Array
 
-# White paper around the pattern: a chessboard is found more surely with it, and so a 9x6 board of
-# 25 mm still fits on A4.
+# White margin around the pattern. OpenCV detects a chessboard more reliably with a margin; with
+# half a square, a 9x6 board of 25 mm still fits on A4.
 _MARGIN_IN_SQUARES = 0.5
 
 
@@ -29,11 +33,11 @@ class Chessboard:
     """
     A chessboard; its points are the inner corners, row by row from the top left.
 
-    The square at the top left is black. Of ``columns`` and ``rows`` one should be even and one
-    odd: then the board looks different upside down (in 9x6, the outermost column of squares on
-    the left begins and ends with black, the one on the right with white), and its frame is the
-    same in each picture. Otherwise a half turn cannot be seen (nor, for columns = rows, a quarter
-    turn that keeps the colours), and detection chooses the frame whose y axis points up most.
+    The square at the top left is black. One of ``columns`` and ``rows`` should be even and the
+    other odd: the board then looks different upside down (in 9x6, the left column of squares has
+    black ends, the right column white ends), and its frame is unique in every image. Otherwise
+    the board has a half-turn symmetry (for columns = rows also a quarter-turn symmetry if the
+    colours match), and detection chooses the frame whose y axis points up most.
 
     Parameters
     ----------
@@ -57,7 +61,7 @@ class Chessboard:
     name: str = 'board'
 
     def __post_init__(self) -> None:
-        # OpenCV's detector wants three corners each way.
+        # OpenCV's detector needs three corners in each direction.
         check_counts(self, at_least=3)
         check_lengths(self, 'square_m')
         check_name(self)
@@ -76,11 +80,11 @@ class Chessboard:
     @property
     def black_squares(self) -> Array:
         """The black squares, (N, 4): left, bottom, right, top in metres."""
-        return checkers(self.columns + 1, self.rows + 1, self.square_m, black_first=True)
+        return checkerboard_squares(self.columns + 1, self.rows + 1, self.square_m, black_first=True)
 
     @property
     def marker_ids(self) -> tuple[int, ...]:
-        """No markers."""
+        """No markers: ()."""
         return ()
 
     @property
@@ -94,21 +98,21 @@ class Charuco:
     """
     A chessboard with a marker in each white square (ids 0, 1, ... row by row).
 
-    Its points are the inner corners, row by row from the top left; each is known by itself, so a
-    part of the board is enough.
+    Its points are the inner corners, row by row from the top left. The markers identify each
+    corner, so a part of the board is enough.
 
     Parameters
     ----------
     columns, rows
-        Number of squares, as OpenCV counts for this kind of board; each at least 3, for there is
-        no pose from corners on one line.
+        Number of squares, as OpenCV counts for this kind of board; each at least 3, because
+        collinear corners do not determine a pose.
     square_m, marker_m
         Sides of a square and of a marker (outer edge of its black border), metres.
     dictionary
-        OpenCV's name of the markers' dictionary, such as 'DICT_4X4_50'.
+        Name of the OpenCV dictionary, such as 'DICT_4X4_50'.
     legacy_pattern
-        Printed by OpenCV before 4.6: with an even number of rows, the square at the top left is
-        white. (With an odd number both patterns are the same: black at the top left.)
+        Pattern printed by OpenCV before 4.6: with an even number of rows, the square at the top
+        left is white. (With an odd number of rows both patterns are the same.)
     name
         Name of the board and of its frame.
 
@@ -155,17 +159,17 @@ class Charuco:
     @property
     def black_squares(self) -> Array:
         """The black squares, (N, 4): left, bottom, right, top in metres."""
-        return checkers(self.columns, self.rows, self.square_m, black_first=self._black_first)
+        return checkerboard_squares(self.columns, self.rows, self.square_m, black_first=self._black_first)
 
     @property
     def marker_ids(self) -> tuple[int, ...]:
-        """The ids of the markers."""
+        """The ids of the markers: 0, 1, ..."""
         return tuple(range(len(self.marker_corners)))
 
     @property
     def marker_corners(self) -> Array:
-        """The corners of each marker, (N, 4, 2) metres, clockwise from the top left."""
-        white = checkers(self.columns, self.rows, self.square_m, black_first=not self._black_first)
+        """The corners of each marker, (M, 4, 2) metres, clockwise from the top left."""
+        white = checkerboard_squares(self.columns, self.rows, self.square_m, black_first=not self._black_first)
         centres = 0.5 * (white[:, :2] + white[:, 2:])
         return marker_corners_at(centres, self.marker_m)
 

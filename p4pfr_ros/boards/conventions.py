@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The axes and the corner order that a package gives a marker: ours, and those of others.
+Marker axes and corner orders of this package and of others.
 
-docs/conventions.md shows them, and says where each is from.
+docs/conventions.md shows them and cites the source of each.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from p4pfr_ros.core.geometry import Pose
 
 Corners = tuple[tuple[float, float], ...]
 
-# Where a marker's corners lie, in sides of it, in our axes: x right, y up as printed.
+# Corner positions in units of the marker's side, in our axes: x right, y up as printed.
 CORNER_ORDERS: dict[str, Corners] = {
     'aruco_cw_from_top_left': ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5)),
     'apriltag_ccw_from_bottom_left': ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)),
@@ -26,18 +26,19 @@ CORNER_ORDERS: dict[str, Corners] = {
 @dataclass(frozen=True, slots=True, eq=False)
 class Convention:
     """
-    How a package describes a marker.
+    The marker axes and the corner order of one package.
 
-    A pose of ours, ``camera_from_ours``, is ``camera_from_ours @ ours_from_theirs`` there.
+    It represents our pose ``camera_from_ours`` as ``camera_from_ours @ ours_from_theirs``.
 
     Parameters
     ----------
     corner_order
-        The order in which it gives the corners: one of ``CORNER_ORDERS``.
+        Its corner order: a key of ``CORNER_ORDERS``.
     corners
-        The corners in that order in its own axes, in sides, as its own sources have them.
+        The corners in that order and in its axes, in units of the marker's side, as defined in
+        its source code.
     ours_from_theirs
-        Its axes in ours. All have their origin in the marker's centre.
+        Its axes in ours. Every package has the origin in the marker's centre.
 
     """
 
@@ -47,7 +48,7 @@ class Convention:
 
 
 _SAME = Pose(np.eye(3), np.zeros(3))
-# x stays to the right; y turns down, and z into the marker.
+# x still points right; y points down and z into the marker.
 _HALF_TURN_ABOUT_X = Pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
 
 _TOP_LEFT_Y_UP = ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5))
