@@ -80,7 +80,9 @@ class Chessboard:
     @property
     def black_squares(self) -> Array:
         """The black squares, (N, 4): left, bottom, right, top in metres."""
-        return checkerboard_squares(self.columns + 1, self.rows + 1, self.square_m, black_first=True)
+        return checkerboard_squares(
+            self.columns + 1, self.rows + 1, self.square_m, black_first=True
+        )
 
     @property
     def marker_ids(self) -> tuple[int, ...]:
@@ -159,7 +161,9 @@ class Charuco:
     @property
     def black_squares(self) -> Array:
         """The black squares, (N, 4): left, bottom, right, top in metres."""
-        return checkerboard_squares(self.columns, self.rows, self.square_m, black_first=self._black_first)
+        return checkerboard_squares(
+            self.columns, self.rows, self.square_m, black_first=self._black_first
+        )
 
     @property
     def marker_ids(self) -> tuple[int, ...]:
@@ -169,7 +173,9 @@ class Charuco:
     @property
     def marker_corners(self) -> Array:
         """The corners of each marker, (M, 4, 2) metres, clockwise from the top left."""
-        white = checkerboard_squares(self.columns, self.rows, self.square_m, black_first=not self._black_first)
+        white = checkerboard_squares(
+            self.columns, self.rows, self.square_m, black_first=not self._black_first
+        )
         centres = 0.5 * (white[:, :2] + white[:, 2:])
         return marker_corners_at(centres, self.marker_m)
 

@@ -1,7 +1,11 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``detect``: each kind of board by its own finder, all with one answer."""
+"""
+``detect``: find the points of any board in an image.
+
+This file stands alone: it holds the public function, above one finder per family of boards.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +21,16 @@ from p4pfr_ros.detection.charuco import find_charuco
 from p4pfr_ros.detection.chessboard import find_chessboard
 from p4pfr_ros.detection.markers import find_markers
 
-# OpenCV's detectors fail on less, and no board could be told there.
-_SMALLEST_IMAGE_PX = 16
-# With fewer points there is no pose.
-_FEWEST_POINTS = 4
+# OpenCV's detectors raise on smaller images, in which no board could be resolved anyway.
+_MIN_IMAGE_SIDE_PX = 16
+# Fewer points do not determine a pose.
+_MIN_POINTS = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detection:
     """
-    Points of a board that were found in a picture.
+    The points of a board that were detected in an image.
 
     Parameters
     ----------
@@ -37,7 +41,7 @@ class Detection:
     ids : (N,) array
         Their indices in the board's ``points``.
     reason
-        Why nothing was found, or too little for a pose (then N is 0); else empty.
+        Why there are no points, or too few for a pose (then N is 0); empty on success.
 
     """
 
@@ -49,52 +53,55 @@ class Detection:
 
 def detect(image: NDArray[np.uint8], board: Board) -> Detection:
     """
-    Find a board in a picture, (h, w) grey or (h, w, 3) BGR, uint8.
+    Detect a board in an image, (h, w) grey or (h, w, 3) BGR, uint8.
 
-    A board need not be seen whole, except a chessboard: of the others, what is found is returned.
+    A chessboard must be entirely visible. Other boards may be partly visible; the result then
+    holds the detected points only.
 
     Raises
     ------
     ValueError
-        The picture is of another kind, or this OpenCV does not know the board's markers.
+        The image has another shape or type, or OpenCV lacks the board's dictionary or markers.
 
     """
     grey = _as_grey(image)
     check_markers(board)
-    if min(grey.shape) < _SMALLEST_IMAGE_PX:
-        width, height = grey.shape[::-1]
-        return _nothing(f'the picture is too small: {width}x{height} px')
+    if min(grey.shape) < _MIN_IMAGE_SIDE_PX:
+        height, width = grey.shape
+        at_least = f'{_MIN_IMAGE_SIDE_PX}x{_MIN_IMAGE_SIDE_PX}'
+        return _rejected(f'image too small: {width}x{height} px, at least {at_least} px needed')
     if isinstance(board, Chessboard):
         ids, points = find_chessboard(grey, board)
-        missing = f'no {board.columns}x{board.rows} chessboard found'
+        reason = f'no {board.columns}x{board.rows} chessboard found'
     elif isinstance(board, Charuco):
         ids, points = find_charuco(grey, board)
-        missing = f'no corner of a {board.columns}x{board.rows} ChArUco board found'
+        reason = f'no corner of a {board.columns}x{board.rows} ChArUco board found'
     else:
-        ids, points, doubled = find_markers(grey, board)
-        missing = _missing(board)
-        if doubled:
-            missing = f'marker {doubled[0]} is seen more than once: which one is meant?'
-    if 0 < len(ids) < _FEWEST_POINTS:
-        missing = f"only {len(ids)} of the board's points found, {_FEWEST_POINTS} are needed"
-    enough = len(ids) >= _FEWEST_POINTS
-    return Detection(points, board.points[ids], ids) if enough else _nothing(missing)
+        ids, points, duplicates = find_markers(grey, board)
+        reason = _no_marker_reason(board)
+        if duplicates:
+            reason = f'marker {duplicates[0]} detected more than once'
+    if len(ids) >= _MIN_POINTS:
+        return Detection(points, board.points[ids], ids)
+    if len(ids):
+        reason = f'only {len(ids)} points of the board found, at least {_MIN_POINTS} needed'
+    return _rejected(reason)
 
 
 def _as_grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    shape, kind = np.shape(image), getattr(image, 'dtype', type(image).__name__)
-    if kind != np.uint8 or not (len(shape) == 2 or (len(shape) == 3 and shape[2] == 3)):
-        raise ValueError(f'image must be (h, w) or (h, w, 3) of uint8, got {shape} of {kind}')
+    shape, dtype = np.shape(image), getattr(image, 'dtype', type(image).__name__)
+    if dtype != np.uint8 or not (len(shape) == 2 or (len(shape) == 3 and shape[2] == 3)):
+        raise ValueError(f'image must be (h, w) or (h, w, 3) of uint8, got {shape} of {dtype}')
     if len(shape) == 3 and image.size:
         image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     return np.ascontiguousarray(image.reshape(shape[:2]))
 
 
-def _nothing(reason: str) -> Detection:
+def _rejected(reason: str) -> Detection:
     return Detection(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=np.int64), reason)
 
 
-def _missing(board: MarkerBoard) -> str:
+def _no_marker_reason(board: MarkerBoard) -> str:
     if isinstance(board, Marker):
         return f'no marker {board.id} of {board.dictionary} found'
     if isinstance(board, Bundle):

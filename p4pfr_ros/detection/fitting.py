@@ -1,25 +1,29 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Many small least-squares fits at once: one model, N patches of a picture."""
+"""Many small least-squares fits at once: one model, N image patches."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 from p4pfr_ros.core.geometry import Array
 
-# Of parameters (N, p): the model's values (N, m) and their derivatives (N, m, p).
-Model = Callable[[Array], tuple[Array, Array]]
-
-# The Gaussian with the variance of a unit box, 1/12, as a tanh of the same slope: √(2/π) √12.
-_LARGEST_SLOPE = 2.76
+# Largest slope of tanh: that of the Gaussian with the variance of a unit box, 1/12: √(2/π) √12.
+_MAX_SLOPE = 2.76
 _DAMPING_AFTER_SUCCESS, _DAMPING_AFTER_FAILURE = 0.2, 10.0
 
 
+class PatchModel(Protocol):
+    """Grey levels of N patches as a function of their parameters."""
+
+    def evaluate(self, parameters: Array) -> tuple[Array, Array]:
+        """Return the levels (N, m) for parameters (N, p), and their derivatives (N, m, p)."""
+
+
 def fit_patches(
-    model: Model,
+    model: PatchModel,
     start: Array,
     observed: Array,
     weights: Array,
@@ -28,39 +32,39 @@ def fit_patches(
     first_damping: float = 1e-3,
 ) -> tuple[Array, Array]:
     """
-    Fit a model to each of N patches by Levenberg and Marquardt's method.
+    Fit a model to each of N patches with the Levenberg-Marquardt method.
 
     Parameters
     ----------
     model
-        What should be seen, and its derivatives.
+        The model to fit.
     start : (N, p) array
-        Parameters to start from.
+        Initial parameters.
     observed, weights : (N, m) arrays
-        What was seen, and how much each value counts.
+        Observed grey levels and their weights.
     iterations
-        Number of steps tried.
+        Number of steps to try.
     first_damping
-        Damping of the first step, as a part of the curvature: the larger, the smaller the step.
+        Damping of the first step, relative to the curvature; larger values shorten the step.
 
     Returns
     -------
-    The parameters (N, p) and the weighted rms (N,) of what is left.
+    The parameters (N, p) and the weighted rms residual (N,).
 
     """
     parameters = start.copy()
-    values, slopes = model(parameters)
+    values, derivatives = model.evaluate(parameters)
     cost = _cost(observed - values, weights)
     damping = np.full(len(start), first_damping)
     for _ in range(iterations):
-        step = _damped_step(observed - values, slopes, weights, damping)
-        tried = parameters + step
-        tried_values, tried_slopes = model(tried)
-        tried_cost = _cost(observed - tried_values, weights)
-        better = tried_cost < cost
-        parameters[better] = tried[better]
-        values[better], slopes[better] = tried_values[better], tried_slopes[better]
-        cost = np.where(better, tried_cost, cost)
+        step = _damped_step(observed - values, derivatives, weights, damping)
+        trial = parameters + step
+        trial_values, trial_derivatives = model.evaluate(trial)
+        trial_cost = _cost(observed - trial_values, weights)
+        better = trial_cost < cost
+        parameters[better] = trial[better]
+        values[better], derivatives[better] = trial_values[better], trial_derivatives[better]
+        cost = np.where(better, trial_cost, cost)
         damping *= np.where(better, _DAMPING_AFTER_SUCCESS, _DAMPING_AFTER_FAILURE)
     rms: Array = np.sqrt(cost / np.maximum(weights.sum(axis=1), 1e-9))
     return parameters, rms
@@ -68,13 +72,13 @@ def fit_patches(
 
 def sharpness(q: Array) -> tuple[Array, Array]:
     """
-    Return the slope s, per pixel, of an edge tanh(s e) by a free parameter q, and ds/dq.
+    Map an unbounded parameter q to the slope s of an edge tanh(s e), per pixel; return s, ds/dq.
 
-    q = 0 is half of the largest slope: that of an ideal edge, averaged over a pixel. To allow for
-    sharper ones would leave an edge's place, within a pixel, open.
+    s is bounded by the slope of an ideal edge averaged over a pixel; q = 0 gives half of it. An
+    even sharper edge would leave its position within a pixel undetermined.
     """
-    s: Array = _LARGEST_SLOPE / (1.0 + np.exp(-np.clip(q, -30.0, 30.0)))
-    return s, s * (1.0 - s / _LARGEST_SLOPE)
+    s: Array = _MAX_SLOPE / (1.0 + np.exp(-np.clip(q, -30.0, 30.0)))
+    return s, s * (1.0 - s / _MAX_SLOPE)
 
 
 def _cost(residuals: Array, weights: Array) -> Array:
@@ -82,12 +86,12 @@ def _cost(residuals: Array, weights: Array) -> Array:
     return cost
 
 
-def _damped_step(residuals: Array, slopes: Array, weights: Array, damping: Array) -> Array:
-    weighted = slopes * weights[..., None]
-    normal = np.swapaxes(weighted, 1, 2) @ slopes
+def _damped_step(residuals: Array, derivatives: Array, weights: Array, damping: Array) -> Array:
+    weighted = derivatives * weights[..., None]
+    normal = np.swapaxes(weighted, 1, 2) @ derivatives
     gradient = np.swapaxes(weighted, 1, 2) @ residuals[..., None]
     diagonal = np.einsum('nii->ni', normal)
-    # The small constant is for a blank patch, where nothing depends on anything.
+    # The constant keeps the matrix regular for a uniform patch, where all derivatives are zero.
     diagonal += damping[:, None] * diagonal + 1e-6
     step: Array = np.asarray(np.linalg.solve(normal, gradient)[..., 0], dtype=np.float64)
     return step

@@ -2,47 +2,53 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The corners of a marker from its four edges, each fitted along its whole length.
+Refinement of marker corners from the four edges, each fitted along its whole length.
 
-A marker's corner itself says little: four pixels of it, rounded by the lens's blur. Its edges are
-long. In a strip along an edge the picture is modelled as  a + b tanh(s e),  with e the distance
-to a parabola, for a lens bends the edge (to a cubic where the edge is long); a marker's corner is
-where two such curves meet.
+A marker's corner itself carries little information: a few pixels, rounded by blur. Its edges are
+long. In a strip along an edge the image is modelled as  a + b tanh(s e),  where e is the distance
+to a parabola (a cubic for long edges), because a lens bends the edge; a marker's corner is the
+intersection of two such curves.
+
+Stands alone: it is numerics, without OpenCV and boards, and has tests of its own.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.core.geometry import Array, Mask
 from p4pfr_ros.detection.fitting import fit_patches, sharpness
 
-# Rows of samples across an edge, and samples in a row. From row to row they are shifted by this
-# part of their spacing, the golden ratio: all rows together see an edge's place finely.
-_ALONG, _ACROSS = 24, 11
+# Number of sample rows along an edge, and of samples per row. Each row is shifted against the one
+# before by this fraction of the sample spacing, the golden ratio, so that all rows together
+# resolve the edge's position finely.
+_ROWS, _SAMPLES_PER_ROW = 24, 11
 _SHIFT = 0.618034
-# An edge's ends, which blur bends towards the next edges, are left out: so many pixels, or so many
-# widths of the blur within these parts of its length.
-_LEFT_OUT_PX, _LEFT_OUT_WIDTHS = 2.5, 2.0
-_LEFT_OUT_PARTS = (0.03, 0.08)
-# A strip stays within the marker's black border. The first one is wide, to hold an edge that the
-# lens bends far off the straight line; the others follow the curve that the one before has found.
+# The ends of an edge are excluded, because blur bends them towards the next edges: a number of
+# pixels, or a number of blur widths within these fractions of the edge's length.
+_EXCLUDED_PX, _EXCLUDED_WIDTHS = 2.5, 2.0
+_EXCLUDED_FRACTION = (0.03, 0.08)
+# Half the width of the strip stays within the marker's black border. The first strip is wide, to
+# contain an edge that the lens bends far off the straight line; later strips follow the curve of
+# the previous fit.
 _STRIP_IN_CELLS = 0.75
-_NARROWEST_PX = 1.5
-_WIDEST_PX = (30.0, 5.0, 5.0)
+_MIN_STRIP_PX = 1.5
+_MAX_STRIP_PX = (30.0, 5.0, 5.0)
 _ITERATIONS = (10, 4, 4)
-# The first steps are short: long ones lose an edge that the lens bends far.
+# Strong damping keeps the first steps short: long ones lose a strongly bent edge.
 _FIRST_DAMPING = 1e-2
-# On shorter edges the noise outweighs what a cubic describes better than a parabola, pixels.
-_SHORTEST_CUBIC_PX = 80.0
+# On shorter edges, the noise outweighs the gain of a cubic over a parabola, pixels.
+_MIN_CUBIC_PX = 80.0
 _INTERSECTION_STEPS = 4
-# What a real edge shows: some contrast, in grey levels, brighter outside; and little else than the
-# model, as a part of the contrast.
-_LEAST_CONTRAST = 4.0
-_MOST_RESIDUAL = 0.5
-# A corner may move by half of a cell; where cells are small by a whole one, but no less and no
-# more than so many pixels.
-_MOST_MOVED_PX = (2.0, 3.0)
+# Acceptance: a minimum contrast (outside minus inside), in grey levels, and a maximum rms
+# residual, relative to the contrast.
+_MIN_CONTRAST = 4.0
+_MAX_RESIDUAL = 0.5
+# Largest accepted shift of a corner: half a cell; for small cells a whole cell, within these
+# limits in pixels.
+_MAX_SHIFT_PX = (2.0, 3.0)
 
 
 def refine_markers(grey: NDArray[np.uint8], corners: Array, cells: int) -> Array:
@@ -52,15 +58,15 @@ def refine_markers(grey: NDArray[np.uint8], corners: Array, cells: int) -> Array
     Parameters
     ----------
     grey : (h, w) array
-        The picture.
+        The image.
     corners : (M, 4, 2) array
-        Corners to within a pixel or two, clockwise.
+        Initial corners, accurate to a pixel or two, clockwise.
     cells
-        Number of a marker's cells from edge to edge, with its black border.
+        Number of cells per side of a marker, black border included.
 
     Returns
     -------
-    The corners (M, 4, 2), refined; a marker of which an edge cannot be fitted keeps its corners.
+    The refined corners (M, 4, 2). A marker with an edge that cannot be fitted keeps its corners.
 
     """
     if not len(corners):
@@ -68,25 +74,25 @@ def refine_markers(grey: NDArray[np.uint8], corners: Array, cells: int) -> Array
     edges = _Edges(corners)
     curves, blur_px = np.zeros((len(corners) * 4, 4)), np.zeros(len(corners) * 4)
     good: Mask = np.zeros(len(corners) * 4, dtype=bool)
-    for widest_px, iterations in zip(_WIDEST_PX, _ITERATIONS, strict=True):
-        strip_px = _strip_px(corners, cells, widest_px)
-        reach = _reach(edges, blur_px)
-        curves, blur_px, good = _fit_once(grey, edges, curves, reach, strip_px, iterations)
-    refined = _meet(edges, curves).reshape(-1, 4, 2)
-    # An edge that ran away took hold of something else.
+    for max_strip_px, iterations in zip(_MAX_STRIP_PX, _ITERATIONS, strict=True):
+        strip_px = _strip_px(corners, cells, max_strip_px)
+        half_extent = _half_extent(edges, blur_px)
+        curves, blur_px, good = _fit_once(grey, edges, curves, half_extent, strip_px, iterations)
+    refined = _intersections(edges, curves).reshape(-1, 4, 2)
+    # A corner that moved far belongs to a fit of some other edge.
     cell_px = 2.0 * edges.half_length.reshape(-1, 4).min(axis=1) / cells
-    moved_px = np.linalg.norm(refined - corners, axis=2).max(axis=1)
-    near = moved_px < np.maximum(np.clip(cell_px, *_MOST_MOVED_PX), 0.5 * cell_px)
-    fitted = near & good.reshape(-1, 4).all(axis=1)
-    return np.where(fitted[:, None, None], refined, corners)
+    shift_px = np.linalg.norm(refined - corners, axis=2).max(axis=1)
+    near = shift_px < np.maximum(np.clip(cell_px, *_MAX_SHIFT_PX), 0.5 * cell_px)
+    accepted = near & good.reshape(-1, 4).all(axis=1)
+    return np.where(accepted[:, None, None], refined, corners)
 
 
 class _Edges:
     """
-    The edges of M markers, one after the other, each with a frame of its own.
+    The edges of M markers in order, each with its own frame.
 
-    ``middle``, ``along`` and ``across`` (M * 4, 2) are its middle and unit directions (across
-    points out of the marker), ``half_length`` (M * 4,) is in pixels.
+    ``middle``, ``along`` and ``across`` (M * 4, 2) are its midpoint and unit directions (across
+    points out of the marker); ``half_length`` (M * 4,) is in pixels.
     """
 
     def __init__(self, corners: Array) -> None:
@@ -95,94 +101,92 @@ class _Edges:
         self.middle = (0.5 * (corners + ends)).reshape(-1, 2)
         self.half_length = np.maximum(np.linalg.norm(half, axis=1), 1e-6)
         self.along = half / self.half_length[:, None]
-        # Corners run clockwise as seen, y down: outwards is to the left of the direction.
+        # Corners are clockwise in the image, y down: outwards is to the left of the direction.
         self.across = np.stack([self.along[:, 1], -self.along[:, 0]], axis=1)
 
-    def places(self, u: Array, v_px: Array) -> Array:
-        """Return the places (M * 4, m, 2) that are u half lengths along and v px across."""
+    def points_at(self, u: Array, v_px: Array) -> Array:
+        """Return the pixels (M * 4, m, 2) u half lengths along and v px across."""
         u_px = self.half_length[:, None] * u
         along = u_px[..., None] * self.along[:, None]
-        places: Array = self.middle[:, None] + along + v_px[..., None] * self.across[:, None]
-        return places
+        points: Array = self.middle[:, None] + along + v_px[..., None] * self.across[:, None]
+        return points
 
 
-def _strip_px(corners: Array, cells: int, widest_px: float) -> Array:
+def _strip_px(corners: Array, cells: int, max_strip_px: float) -> Array:
     """Return half the width (M * 4,) of the strip along each edge, pixels."""
     normal = _Edges(corners).across.reshape(-1, 4, 2)
     opposite = [np.roll(corners, -2, axis=1), np.roll(corners, -3, axis=1)]
     depth = [np.abs(np.sum((far - corners) * normal, axis=2)) for far in opposite]
     cell_px = np.minimum(*depth).ravel() / cells
-    strip: Array = np.clip(_STRIP_IN_CELLS * cell_px, _NARROWEST_PX, widest_px)
-    return strip
+    strip_px: Array = np.clip(_STRIP_IN_CELLS * cell_px, _MIN_STRIP_PX, max_strip_px)
+    return strip_px
 
 
-def _reach(edges: _Edges, blur_px: Array) -> Array:
-    """Return how far from its middle, in half lengths, each edge (M * 4,) is looked at."""
+def _half_extent(edges: _Edges, blur_px: Array) -> Array:
+    """Return how far each strip (M * 4,) extends from the edge's midpoint, in half lengths."""
     length_px = 2.0 * edges.half_length
-    by_blur = np.clip(_LEFT_OUT_WIDTHS * blur_px / length_px, *_LEFT_OUT_PARTS)
-    left_out = np.maximum(_LEFT_OUT_PX / length_px, by_blur)
-    reach: Array = np.maximum(1.0 - 2.0 * left_out, 0.5)
-    return reach
+    by_blur = np.clip(_EXCLUDED_WIDTHS * blur_px / length_px, *_EXCLUDED_FRACTION)
+    excluded = np.maximum(_EXCLUDED_PX / length_px, by_blur)
+    half_extent: Array = np.maximum(1.0 - 2.0 * excluded, 0.5)
+    return half_extent
 
 
 def _fit_once(
     grey: NDArray[np.uint8],
     edges: _Edges,
     curves: Array,
-    reach: Array,
+    half_extent: Array,
     strip_px: Array,
     iterations: int,
 ) -> tuple[Array, Array, Mask]:
     """
-    Return better curves (M * 4, 4), fitted in a strip around the given ones.
+    Refine the curves (M * 4, 4), each fitted in a strip around the given curve.
 
-    With them come the widths (M * 4,) of the edges' blur, pixels, and whether what the strips
-    show (M * 4,) looks like an edge.
+    Returns
+    -------
+    The curves, the blur widths (M * 4,) in pixels, and whether each fit (M * 4,) is accepted.
+
     """
     u, v = _samples()
-    us = reach[:, None] * u
-    vs_px = strip_px[:, None] * v + _curve(curves, us)
-    levels, inside = _levels_at(grey, edges.places(us, vs_px))
-    is_cubic = 2.0 * edges.half_length > _SHORTEST_CUBIC_PX
-
-    def model(parameters: Array) -> tuple[Array, Array]:
-        return _edge(parameters, us, vs_px, is_cubic)
-
+    us = half_extent[:, None] * u
+    vs_px = strip_px[:, None] * v + _curve_px(curves, us)
+    levels, inside = _levels_at(grey, edges.points_at(us, vs_px))
+    model = _EdgeProfile(us, vs_px, is_cubic=2.0 * edges.half_length > _MIN_CUBIC_PX)
     start = _start(curves, levels, v > 0.0, strip_px)
     fitted, rms = fit_patches(
         model, start, levels, inside, iterations, first_damping=_FIRST_DAMPING
     )
     contrast = fitted[:, 6]
-    found = contrast > _LEAST_CONTRAST
-    good = found & (rms < _MOST_RESIDUAL * contrast)
-    blur_px = np.where(found, 1.0 / sharpness(fitted[:, 4])[0], 0.0)
-    return np.where(found[:, None], fitted[:, :4], curves), blur_px, good
+    has_contrast = contrast > _MIN_CONTRAST
+    good = has_contrast & (rms < _MAX_RESIDUAL * contrast)
+    blur_px = np.where(has_contrast, 1.0 / sharpness(fitted[:, 4])[0], 0.0)
+    return np.where(has_contrast[:, None], fitted[:, :4], curves), blur_px, good
 
 
 def _samples() -> tuple[Array, Array]:
     """
-    Return where in a strip samples are taken, u along and v across (m,), from -1 to 1.
+    Return the sample positions in a strip, u along and v across (m,), from -1 to 1.
 
-    Were the rows alike, a sharp edge would lie between the same two samples of all of them, and
-    nothing would tell where.
+    With identical rows, a sharp edge would lie between the same two samples in every row, and its
+    position between them would be undetermined.
     """
-    u = np.repeat(np.linspace(-1.0, 1.0, _ALONG), _ACROSS)
-    shift = _SHIFT * np.arange(_ALONG) % 1.0
-    v = 2.0 / _ACROSS * (np.arange(_ACROSS) + shift[:, None]) - 1.0
+    u = np.repeat(np.linspace(-1.0, 1.0, _ROWS), _SAMPLES_PER_ROW)
+    shift = _SHIFT * np.arange(_ROWS) % 1.0
+    v = 2.0 / _SAMPLES_PER_ROW * (np.arange(_SAMPLES_PER_ROW) + shift[:, None]) - 1.0
     return u, v.ravel()
 
 
-def _curve(curves: Array, u: Array) -> Array:
-    """Return how far across (M * 4, m), pixels, the curves are at u."""
+def _curve_px(curves: Array, u: Array) -> Array:
+    """Return the offset across (M * 4, m), pixels, of the curves at u."""
     c0, c1, c2, c3 = (c[:, None] for c in curves.T)
     across: Array = c0 + u * (c1 + u * (c2 + u * c3))
     return across
 
 
-def _levels_at(grey: NDArray[np.uint8], places: Array) -> tuple[Array, Array]:
-    """Interpolate grey levels at places (N, m, 2), with 1 where they are in the image, else 0."""
+def _levels_at(grey: NDArray[np.uint8], points: Array) -> tuple[Array, Array]:
+    """Interpolate grey levels at pixels (N, m, 2); also return 1 inside, 0 outside the image."""
     height, width = grey.shape
-    x, y = places[..., 0], places[..., 1]
+    x, y = points[..., 0], points[..., 1]
     inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
     left = np.clip(np.floor(x), 0, max(width - 2, 0)).astype(np.int64)
     top = np.clip(np.floor(y), 0, max(height - 2, 0)).astype(np.int64)
@@ -194,48 +198,58 @@ def _levels_at(grey: NDArray[np.uint8], places: Array) -> tuple[Array, Array]:
 
 
 def _start(curves: Array, levels: Array, is_outside: Mask, strip_px: Array) -> Array:
-    """Return parameters (M * 4, 7): the curve's four, sharpness, mean, contrast."""
+    """Return initial parameters (M * 4, 7): the curve's four, sharpness, mean, contrast."""
     outer = levels[:, is_outside].mean(axis=1)
     inner = levels[:, ~is_outside].mean(axis=1)
-    # An edge as soft as the strip is wide draws the curve from afar.
+    # An initial edge as soft as the strip is wide converges from anywhere in the strip.
     soft = -np.log(np.maximum(strip_px - 1.0, 0.5))
     return np.column_stack([curves, soft, 0.5 * (outer + inner), 0.5 * (outer - inner)])
 
 
-def _edge(parameters: Array, u: Array, v_px: Array, is_cubic: Mask) -> tuple[Array, Array]:
-    """Return a + b tanh(s (v - curve(u))), and its derivatives (M * 4, m, 7)."""
-    q, a, b = (column[:, None] for column in parameters[:, 4:].T)
-    s, s_by_q = sharpness(q)
-    e = v_px - _curve(parameters[:, :4], u)
-    tanh = np.tanh(s * e)
-    by_se = b * (1.0 - tanh**2)
-    by_e = s * by_se
-    cubic = -by_e * u**3 * is_cubic[:, None]
-    slopes = [-by_e, -by_e * u, -by_e * u**2, cubic, s_by_q * by_se * e, np.ones_like(e), tanh]
-    return a + b * tanh, np.stack(slopes, axis=-1)
+@dataclass(frozen=True, slots=True, eq=False)
+class _EdgeProfile:
+    """The model of the strips with samples at u, v_px (M * 4, m)."""
+
+    u: Array
+    v_px: Array
+    is_cubic: Mask
+
+    def evaluate(self, parameters: Array) -> tuple[Array, Array]:
+        """Return a + b tanh(s (v - curve(u))), and its derivatives (M * 4, m, 7)."""
+        u = self.u
+        q, a, b = (column[:, None] for column in parameters[:, 4:].T)
+        s, s_by_q = sharpness(q)
+        e = self.v_px - _curve_px(parameters[:, :4], u)
+        tanh = np.tanh(s * e)
+        by_se = b * (1.0 - tanh**2)
+        by_e = s * by_se
+        by_c3 = -by_e * u**3 * self.is_cubic[:, None]
+        by_q = s_by_q * by_se * e
+        derivatives = [-by_e, -by_e * u, -by_e * u**2, by_c3, by_q, np.ones_like(e), tanh]
+        return a + b * tanh, np.stack(derivatives, axis=-1)
 
 
-def _meet(edges: _Edges, curves: Array) -> Array:
-    """Return (M * 4, 2): where each edge's curve is met by that of the edge before it."""
-    before = np.roll(np.arange(len(curves)).reshape(-1, 4), 1, axis=1).ravel()
+def _intersections(edges: _Edges, curves: Array) -> Array:
+    """Return (M * 4, 2): the intersection of each edge's curve with that of the previous edge."""
+    previous = np.roll(np.arange(len(curves)).reshape(-1, 4), 1, axis=1).ravel()
     begin, end = np.full(len(curves), -1.0), np.full(len(curves), 1.0)
     for _ in range(_INTERSECTION_STEPS):
-        # Newton on  p(begin) = q(end):  p + p' du = q + q' dw.
+        # Newton's method on  p(begin) = q(end):  p + p' du = q + q' dw.
         p, p_slope = _point_and_slope(edges, curves, begin)
-        q, q_slope = (of_all[before] for of_all in _point_and_slope(edges, curves, end))
-        across = _cross(p_slope, q_slope)
-        across = np.where(np.abs(across) < 1e-9, np.inf, across)  # parallel: stay
-        begin = np.clip(begin + _cross(q - p, q_slope) / across, -1.5, -0.5)
-        end[before] = np.clip(end[before] + _cross(q - p, p_slope) / across, 0.5, 1.5)
+        q, q_slope = (each[previous] for each in _point_and_slope(edges, curves, end))
+        determinant = _cross(p_slope, q_slope)
+        determinant = np.where(np.abs(determinant) < 1e-9, np.inf, determinant)  # parallel: stay
+        begin = np.clip(begin + _cross(q - p, q_slope) / determinant, -1.5, -0.5)
+        end[previous] = np.clip(end[previous] + _cross(q - p, p_slope) / determinant, 0.5, 1.5)
     return _point_and_slope(edges, curves, begin)[0]
 
 
 def _point_and_slope(edges: _Edges, curves: Array, u: Array) -> tuple[Array, Array]:
-    """Return, of each edge, the point (M * 4, 2) of its curve at u, and its derivative by u."""
-    across = _curve(curves, u[:, None])
+    """Return the point (M * 4, 2) of each edge's curve at u (M * 4,), and its derivative by u."""
+    across_px = _curve_px(curves, u[:, None])
     rise = curves[:, 1] + u * (2.0 * curves[:, 2] + u * 3.0 * curves[:, 3])
     slope = edges.half_length[:, None] * edges.along + rise[:, None] * edges.across
-    return edges.places(u[:, None], across)[:, 0], slope
+    return edges.points_at(u[:, None], across_px)[:, 0], slope
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -1,7 +1,11 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Single markers, grids and bundles of them in pictures."""
+"""
+Detection of boards made of markers: single markers, grids and bundles.
+
+Stands alone, as does each finder of a family of boards.
+"""
 
 from __future__ import annotations
 
@@ -15,23 +19,23 @@ from p4pfr_ros.detection.marker_edges import refine_markers
 
 def find_markers(grey: NDArray[np.uint8], board: MarkerBoard) -> tuple[Ints, Array, list[int]]:
     """
-    Find a board's markers in a picture (h, w).
+    Find a board's markers in an image (h, w).
 
-    Markers that are not on the board are ignored. Of an id that is seen twice nobody knows which
-    one is the board's, so both are left out.
+    Markers that are not on the board are ignored. If an id is detected more than once, it is
+    ambiguous which marker belongs to the board, so all markers with that id are left out.
 
     Returns
     -------
-    Ids (N,), indices in the board's points, corners (N, 2) px, and what ids were seen twice.
+    Ids (N,) (indices in the board's points), corners (N, 2) px, and the duplicate marker ids.
 
     """
     corners, marker_ids = detect_markers(grey, board.dictionary)
-    # Pairs of a marker of the board and one in the picture, in the board's order.
-    places, seen = np.nonzero(np.array(board.marker_ids)[:, None] == marker_ids)
-    known, counts = np.unique(marker_ids, return_counts=True)
-    once = np.isin(marker_ids[seen], known[counts == 1])
+    # Pairs of equal ids, in the board's order: index on the board, index among the detections.
+    on_board, detected = np.nonzero(np.array(board.marker_ids)[:, None] == marker_ids)
+    distinct_ids, counts = np.unique(marker_ids, return_counts=True)
+    is_unique = np.isin(marker_ids[detected], distinct_ids[counts == 1])
     cells = len(marker_cells(board.dictionary, board.marker_ids[0]))
-    refined = refine_markers(grey, corners[seen[once]], cells)
-    ids = 4 * places[once][:, None] + np.arange(4)
-    doubled = np.unique(marker_ids[seen[~once]]).tolist()
-    return ids.ravel(), refined.reshape(-1, 2), doubled
+    refined = refine_markers(grey, corners[detected[is_unique]], cells)
+    ids = 4 * on_board[is_unique][:, None] + np.arange(4)
+    duplicates = np.unique(marker_ids[detected[~is_unique]]).tolist()
+    return ids.ravel(), refined.reshape(-1, 2), duplicates

@@ -13,12 +13,12 @@ every_board = pytest.mark.parametrize('board', BOARDS.values(), ids=BOARDS)
 
 @every_board
 def test_frame_is_in_the_middle_of_the_sheet(board):
-    if not isinstance(board, Bundle):  # whose file says where it is
+    if not isinstance(board, Bundle):  # its marker positions define the origin
         np.testing.assert_allclose(board.points.mean(axis=0), 0.0, atol=1e-15)
     printed = np.concatenate([board.black_squares.reshape(-1, 2), *board.marker_corners])
-    reach = np.abs(printed).max(axis=0)
-    assert np.all(np.abs(board.points) <= reach + 1e-12)
-    assert np.all(reach < 0.5 * np.array(board.sheet_size_m))
+    extent = np.abs(printed).max(axis=0)
+    assert np.all(np.abs(board.points) <= extent + 1e-12)
+    assert np.all(extent < 0.5 * np.array(board.sheet_size_m))
 
 
 def test_chessboard_points_run_from_the_top_left_row_by_row():
@@ -34,16 +34,16 @@ def test_chessboard_top_left_square_is_black():
     np.testing.assert_allclose(board.black_squares[-1], [0.075, -0.0875, 0.1, -0.0625])
 
 
-def test_charuco_markers_stand_in_the_white_squares():
+def test_charuco_markers_are_in_the_white_squares():
     board = BOARDS['charuco']
     centres = board.marker_corners.mean(axis=1)
     black = 0.5 * (board.black_squares[:, :2] + board.black_squares[:, 2:])
-    apart = np.linalg.norm(centres[:, None] - black, axis=2).min()
+    distance = np.linalg.norm(centres[:, None] - black, axis=2).min()
     assert len(centres) == 17 == len(board.marker_ids)
-    assert apart == pytest.approx(board.square_m)
+    assert distance == pytest.approx(board.square_m)
 
 
-def test_legacy_pattern_changes_boards_of_an_even_number_of_rows_only():
+def test_legacy_pattern_changes_only_boards_with_an_even_number_of_rows():
     def first_black(rows, legacy):
         board = dataclasses.replace(BOARDS['charuco'], rows=rows, legacy_pattern=legacy)
         return board.black_squares[0, 0]
@@ -65,7 +65,7 @@ def test_marker_corners_run_clockwise_from_the_top_left(name):
     assert side > 0.0
 
 
-def test_marker_grid_counts_row_by_row_from_its_first_id():
+def test_marker_grid_ids_count_row_by_row_from_the_first():
     board = MarkerGrid(
         columns=3, rows=2, marker_m=1.0, separation_m=0.5, dictionary='DICT_4X4_50', first_id=7
     )
@@ -78,7 +78,7 @@ PLACED = PlacedMarker(id=1, x_m=0.0, y_m=0.0, size_m=1.0)
 
 
 def bundle(*places, size_m=1.0):
-    """Make a bundle of markers with the ids 0, 1, ... at (x, y, angle_deg)."""
+    """Return a bundle of markers 0, 1, ... placed at (x, y, angle_deg)."""
     markers = tuple(
         PlacedMarker(id=n, x_m=x, y_m=y, size_m=size_m, angle_deg=angle)
         for n, (x, y, angle) in enumerate(places)
@@ -86,22 +86,22 @@ def bundle(*places, size_m=1.0):
     return Bundle(markers=markers, dictionary='DICT_4X4_50')
 
 
-def test_markers_of_a_bundle_lie_where_they_are_placed():
+def test_bundle_markers_are_where_they_are_placed():
     corners = bundle((5.0, -2.0, 0.0), (1.0, 3.0, 90.0), size_m=2.0).marker_corners
     np.testing.assert_allclose(corners[0], [[4, -1], [6, -1], [6, -3], [4, -3]])
-    # A quarter turn counter-clockwise takes the top left to the bottom left.
+    # A counter-clockwise quarter turn moves the top left corner to the bottom left.
     np.testing.assert_allclose(corners[1], [[0, 2], [0, 4], [2, 4], [2, 2]], atol=1e-15)
 
 
-def test_a_bundles_sheet_holds_all_of_it_around_its_origin():
+def test_a_bundles_sheet_is_centred_on_the_origin_and_holds_all_markers():
     board = bundle((5.0, -2.0, 0.0), (1.0, 3.0, 0.0), size_m=2.0)
     assert board.sheet_size_m == (2 * 6.5, 2 * 4.5)
 
 
-def test_no_id_stands_twice_in_a_bundle():
-    again = dataclasses.replace(PLACED, x_m=5.0)
+def test_duplicate_ids_in_a_bundle_are_rejected():
+    duplicate = dataclasses.replace(PLACED, x_m=5.0)
     with pytest.raises(ValueError, match='markers: expected each id once, got 1 2 times'):
-        Bundle(markers=(PLACED, again), dictionary='DICT_4X4_50')
+        Bundle(markers=(PLACED, duplicate), dictionary='DICT_4X4_50')
 
 
 @pytest.mark.parametrize(
@@ -118,25 +118,25 @@ def test_no_id_stands_twice_in_a_bundle():
     ],
     ids=str,
 )
-def test_markers_of_a_bundle_that_overlap_are_refused(place):
+def test_overlapping_bundle_markers_are_rejected(place):
     apart = (9.0, 9.0, 0.0)
     with pytest.raises(ValueError, match=r'between any two, got 0 and 2, which touch or overlap'):
         bundle((0.0, 0.0, 0.0), apart, place)
-    # Turned as a whole, nothing changes.
+    # Rotating the whole bundle changes nothing.
     x, y, angle = place
-    turned = (0.6 * x - 0.8 * y, 0.8 * x + 0.6 * y, angle + np.degrees(np.arctan2(0.8, 0.6)))
+    rotated = (0.6 * x - 0.8 * y, 0.8 * x + 0.6 * y, angle + np.degrees(np.arctan2(0.8, 0.6)))
     with pytest.raises(ValueError, match='got 0 and 2'):
-        bundle((0.0, 0.0, np.degrees(np.arctan2(0.8, 0.6))), apart, turned)
+        bundle((0.0, 0.0, np.degrees(np.arctan2(0.8, 0.6))), apart, rotated)
 
 
 @pytest.mark.parametrize(
     'place', [(1.001, 0.0, 0.0), (0.9, 0.9, 45.0), (1.208, 0.0, 45.0), (1.001, 1.001, 0.0)]
 )
-def test_markers_of_a_bundle_may_be_near(place):
+def test_bundle_markers_may_be_close(place):
     assert len(bundle((0.0, 0.0, 0.0), place).points) == 8
 
 
-WRONG = [
+INVALID = [
     (Chessboard, {'columns': 2}, 'columns: expected an integer of at least 3, got 2'),
     (Chessboard, {'columns': True}, 'columns: expected an integer'),
     (Chessboard, {'rows': 6.0}, 'rows: expected an integer'),
@@ -167,8 +167,8 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(('kind', 'change', 'message'), WRONG)
-def test_wrong_numbers_are_refused(kind, change, message):
-    right = next(board for board in [*BOARDS.values(), PLACED] if type(board) is kind)
+@pytest.mark.parametrize(('kind', 'change', 'message'), INVALID)
+def test_invalid_arguments_are_rejected(kind, change, message):
+    valid = next(board for board in [*BOARDS.values(), PLACED] if type(board) is kind)
     with pytest.raises(ValueError, match=message):
-        dataclasses.replace(right, **change)
+        dataclasses.replace(valid, **change)

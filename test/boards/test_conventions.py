@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The axes and corner orders of other packages agree with ours, each by its own numbers."""
+"""The marker axes and corner orders of other packages, converted to ours."""
 
 import cv2
 import numpy as np
@@ -22,8 +22,8 @@ every_package = pytest.mark.parametrize('convention', CONVENTIONS.values(), ids=
 
 
 @every_package
-def test_corners_lie_at_one_place_in_all_axes(convention):
-    """In a package's own axes and order, and in ours."""
+def test_corners_in_all_axes_are_the_same_points(convention):
+    """A package's corners in its axes and order, converted to our axes, equal ours."""
     theirs = np.pad(np.array(convention.corners), ((0, 0), (0, 1)))
     ours = convention.ours_from_theirs.transform(theirs)
     expected = np.pad(np.array(CORNER_ORDERS[convention.corner_order]), ((0, 0), (0, 1)))
@@ -31,8 +31,8 @@ def test_corners_lie_at_one_place_in_all_axes(convention):
 
 
 @every_package
-def test_the_pose_of_a_package_is_what_its_corners_give(convention):
-    """Its corners in its axes, seen in its order: OpenCV's PnP, and our pose turned."""
+def test_the_pose_of_a_package_follows_from_its_corners(convention):
+    """OpenCV's PnP on its corners gives our pose, converted."""
     ours = np.pad(np.array(CORNER_ORDERS[convention.corner_order]), ((0, 0), (0, 1)))
     pixels = CAMERA.project(CAMERA_FROM_OURS.transform(MARKER.size_m * ours))
     theirs = np.pad(MARKER.size_m * np.array(convention.corners), ((0, 0), (0, 1)))
@@ -44,15 +44,15 @@ def test_the_pose_of_a_package_is_what_its_corners_give(convention):
     np.testing.assert_allclose(translation.ravel(), expected.translation, atol=1e-5)
 
 
-def test_opencv_gives_the_corners_in_the_order_that_has_its_name():
-    picture = render(MARKER, CAMERA, CAMERA_FROM_OURS, (640, 480), blur_sigma_px=0.5)
-    corners, _ = detect_markers(picture, MARKER.dictionary)
+def test_opencv_gives_the_corners_in_aruco_order():
+    image = render(MARKER, CAMERA, CAMERA_FROM_OURS, (640, 480), blur_sigma_px=0.5)
+    corners, _ = detect_markers(image, MARKER.dictionary)
     ours = np.pad(np.array(CORNER_ORDERS['aruco_cw_from_top_left']), ((0, 0), (0, 1)))
-    seen = CAMERA.project(CAMERA_FROM_OURS.transform(MARKER.size_m * ours))
-    np.testing.assert_allclose(corners[0], seen, atol=1.5)
+    expected = CAMERA.project(CAMERA_FROM_OURS.transform(MARKER.size_m * ours))
+    np.testing.assert_allclose(corners[0], expected, atol=1.5)
 
 
-def test_the_turn_to_apriltags_axes_as_a_quaternion():
-    """As docs/conventions.md has it, in the order of ROS: x, y, z, w."""
-    turn = CONVENTIONS['AprilTag 3'].ours_from_theirs.quaternion_xyzw()
-    np.testing.assert_allclose(np.abs(turn), [1.0, 0.0, 0.0, 0.0], atol=1e-15)
+def test_the_rotation_to_apriltag_axes_as_a_quaternion():
+    """As in docs/conventions.md, in the order of ROS: x, y, z, w."""
+    quaternion = CONVENTIONS['AprilTag 3'].ours_from_theirs.quaternion_xyzw()
+    np.testing.assert_allclose(np.abs(quaternion), [1.0, 0.0, 0.0, 0.0], atol=1e-15)

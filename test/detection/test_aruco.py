@@ -16,7 +16,7 @@ DICTIONARY = 'DICT_4X4_50'
 
 
 def enlarged(cells, px_per_cell, margin_px):
-    """Draw a marker's cells as a picture, black on white."""
+    """Return an image of a marker's cells, black on white."""
     white = 255 * (1 - cells.astype(np.uint8))
     return np.pad(
         np.kron(white, np.ones((px_per_cell, px_per_cell), np.uint8)),
@@ -26,7 +26,7 @@ def enlarged(cells, px_per_cell, margin_px):
 
 
 @pytest.mark.parametrize('name', ['DICT_4X4_50', 'DICT_6X6_250', 'DICT_APRILTAG_36h11'])
-def test_a_marker_drawn_from_its_cells_is_detected(name):
+def test_an_image_of_a_markers_cells_is_detected(name):
     corners, ids = detect_markers(enlarged(marker_cells(name, 17), 10, 40), name)
     side = 10 * len(marker_cells(name, 17))
     assert ids.tolist() == [17]
@@ -41,33 +41,33 @@ def test_cells_have_a_black_border_around_the_code():
     assert cells[-1].all()
     assert cells[:, 0].all()
     assert cells[:, -1].all()
-    # The first marker of the dictionary, known by heart: 1 is white.
+    # Code of marker 0 of the dictionary; 1 is white.
     code = [[1, 0, 1, 1], [0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 1, 0]]
     np.testing.assert_array_equal(~cells[1:-1, 1:-1], code)
 
 
-def test_an_apriltag_stands_upright():
-    """The cells are those of AprilTag's own picture, whichever way round OpenCV has them."""
+def test_an_apriltag_is_upright():
+    """The cells match AprilTag's own image, in whichever orientation OpenCV stores them."""
     cells = ~marker_cells('DICT_APRILTAG_36h11', 0)[1:-1, 1:-1]
-    # The first code of the family, as AprilTag publishes it: row by row from the top left.
+    # Code of tag 0 as AprilTag publishes it: row by row from the top left.
     bits = f'{0xD5D628584:036b}'
     assert ''.join(str(int(cell)) for cell in cells.ravel()) == bits
 
 
-def test_no_marker_is_an_empty_answer():
+def test_an_image_without_markers_gives_empty_arrays():
     corners, ids = detect_markers(np.full((100, 100), 90, np.uint8), DICTIONARY)
     assert corners.shape == (0, 4, 2)
     assert ids.shape == (0,)
 
 
-def test_unknown_dictionary_is_refused_with_the_nearest():
+def test_unknown_dictionary_is_rejected_with_a_suggestion():
     assert DICTIONARY in dictionary_names()
     board = Marker(id=0, size_m=0.1, dictionary='DICT_4X4_5O')
     with pytest.raises(ValueError, match=r"got 'DICT_4X4_5O' \(did you mean DICT_4X4_50\?\)"):
         check_markers(board)
 
 
-def test_ids_end_where_the_dictionary_ends():
+def test_ids_beyond_the_dictionary_are_rejected():
     grid = {'columns': 5, 'rows': 4, 'marker_m': 0.1, 'separation_m': 0.1}
     check_markers(MarkerGrid(**grid, dictionary=DICTIONARY, first_id=30))
     with pytest.raises(ValueError, match=r'first_id: expected ids up to 49, .*got 50'):
@@ -90,8 +90,8 @@ def test_ids_end_where_the_dictionary_ends():
 
 
 @pytest.mark.parametrize('bits', [4, 5, 6, 7])
-def test_a_small_dictionary_is_the_beginning_of_a_large_one(bits):
-    """So boards in both may look alike."""
+def test_a_large_dictionary_begins_with_the_smaller_ones(bits):
+    """Boards from both can have the same markers, so they share a code family."""
     sizes = (50, 100, 250, 1000)
     names = [f'DICT_{bits}X{bits}_{size}' for size in sizes]
     for name, size in zip(names, sizes, strict=True):
@@ -102,34 +102,34 @@ def test_a_small_dictionary_is_the_beginning_of_a_large_one(bits):
     assert {code_family(name) for name in names} == {f'DICT_{bits}X{bits}'}
 
 
-def test_other_dictionaries_have_codes_of_their_own():
+def test_other_dictionaries_are_code_families_of_their_own():
     names = [name for name in dictionary_names() if 'APRILTAG' in name.upper()]
     assert len({code_family(name) for name in names}) == len({name.upper() for name in names})
     assert code_family('DICT_ARUCO_ORIGINAL') == 'DICT_ARUCO_ORIGINAL'
 
 
-def test_a_marker_that_the_dictionary_lacks_has_no_pattern():
+def test_pattern_of_a_marker_beyond_the_dictionary_is_rejected():
     with pytest.raises(ValueError, match='id: expected ids up to 49'):
         black_quads(Marker(id=50, size_m=0.1, dictionary=DICTIONARY))
 
 
 def opencv_charuco(board, size_px):
-    """Let OpenCV draw a ChArUco board."""
+    """Return OpenCV's image of a ChArUco board."""
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
     lengths = board.square_m, board.marker_m
     if not HAS_CLASSES:
         make = cv2.aruco.CharucoBoard_create
         return make(board.columns, board.rows, *lengths, dictionary).draw(size_px)
-    drawn = cv2.aruco.CharucoBoard((board.columns, board.rows), *lengths, dictionary)
-    drawn.setLegacyPattern(board.legacy_pattern)
-    return drawn.generateImage(size_px)
+    charuco = cv2.aruco.CharucoBoard((board.columns, board.rows), *lengths, dictionary)
+    charuco.setLegacyPattern(board.legacy_pattern)
+    return charuco.generateImage(size_px)
 
 
 @pytest.mark.parametrize('legacy', [False, True])
 @pytest.mark.parametrize(('columns', 'rows'), [(7, 5), (7, 6), (6, 5), (6, 6)])
-def test_charuco_pattern_is_opencvs(columns, rows, legacy):
+def test_charuco_pattern_equals_that_of_opencv(columns, rows, legacy):
     if legacy and rows % 2 == 0 and not HAS_CLASSES:
-        pytest.skip('OpenCV 4.6 draws the new pattern alone')
+        pytest.skip('OpenCV 4.6 draws the new pattern only')
     board = Charuco(
         columns=columns,
         rows=rows,
@@ -139,12 +139,12 @@ def test_charuco_pattern_is_opencvs(columns, rows, legacy):
         legacy_pattern=legacy,
     )
     size_px = 80 * columns, 80 * rows
-    picture = 255.0 * (1.0 - covered(board, 2000.0, size_px))
-    np.testing.assert_allclose(picture, opencv_charuco(board, size_px), atol=1e-9)
+    image = 255.0 * (1.0 - black_coverage(board, 2000.0, size_px))
+    np.testing.assert_allclose(image, opencv_charuco(board, size_px), atol=1e-9)
 
 
-def covered(board, px_per_m, size_px):
-    """Return how black each pixel of a head-on view of the bare pattern is."""
+def black_coverage(board, px_per_m, size_px):
+    """Return the black coverage of each pixel in a head-on image of the pattern."""
     corners = px_per_m * black_quads(board) * [1, -1] + 0.5 * np.array(size_px) - 0.5
     sides = np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2)
     return coverage(sides.reshape(-1, 4), size_px)
@@ -154,7 +154,7 @@ def covered(board, px_per_m, size_px):
 def test_quads_are_clockwise_and_do_not_overlap(name):
     board = BOARDS[name]
     size_px = tuple(int(2000 * side) for side in board.sheet_size_m)
-    black = covered(board, 2000.0, size_px)
+    black = black_coverage(board, 2000.0, size_px)
     along, down = np.diff(black_quads(board)[:, :3], axis=1).transpose(1, 2, 0)
     areas = along[1] * down[0] - along[0] * down[1]
     assert (areas > 0.0).all()

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bundles of markers of which a part is seen, and several boards in one picture."""
+"""Partly visible bundles, and several boards in one image."""
 
 from board_views import BOARDS, CAMERAS, CENTER, project, seen_from, SIZE
 import numpy as np
@@ -31,42 +31,42 @@ boards:
 """
 
 
-def cover(picture, camera, pose, corners):
-    """Paint over what lies between some corners (N, 2) of the board."""
+def cover(image, camera, pose, corners):
+    """Paint over the area around some corners (N, 2) of the board."""
     (left, top), (right, bottom) = (
         np.rint(edge(project(camera, pose, corners), axis=0)).astype(int)
         for edge in (np.min, np.max)
     )
-    picture[top - 3 : bottom + 4, left - 3 : right + 4] = 128
+    image[top - 3 : bottom + 4, left - 3 : right + 4] = 128
 
 
-def test_each_marker_of_a_bundle_counts_by_itself():
+def test_a_bundle_is_detected_by_any_of_its_markers():
     camera, pose = CAMERAS['strong'], seen_from(0.4, (0.3, -0.2))
-    picture = render(BUNDLE, camera, pose, SIZE, **REAL_LENS)
+    image = render(BUNDLE, camera, pose, SIZE, **REAL_LENS)
     for place in (0, 2, 3):
-        cover(picture, camera, pose, BUNDLE.marker_corners[place])
-        found = detect(picture, BUNDLE)
-        assert place not in found.ids // 4
-        truth = project(camera, pose, BUNDLE.points[found.ids])
-        np.testing.assert_array_equal(found.board_points, BUNDLE.points[found.ids])
-        assert np.linalg.norm(found.image_points - truth, axis=1).max() < 0.3
-    np.testing.assert_array_equal(found.ids, [4, 5, 6, 7])
-    cover(picture, camera, pose, BUNDLE.marker_corners[1])
-    assert detect(picture, BUNDLE).reason == 'none of the 4 markers of board found'
+        cover(image, camera, pose, BUNDLE.marker_corners[place])
+        detection = detect(image, BUNDLE)
+        assert place not in detection.ids // 4
+        truth = project(camera, pose, BUNDLE.points[detection.ids])
+        np.testing.assert_array_equal(detection.board_points, BUNDLE.points[detection.ids])
+        assert np.linalg.norm(detection.image_points - truth, axis=1).max() < 0.3
+    np.testing.assert_array_equal(detection.ids, [4, 5, 6, 7])
+    cover(image, camera, pose, BUNDLE.marker_corners[1])
+    assert detect(image, BUNDLE).reason == 'none of the 4 markers of board found'
 
 
-def test_a_marker_elsewhere_does_not_belong_to_the_bundle():
+def test_a_marker_with_another_id_does_not_belong_to_the_bundle():
     camera, pose = CAMERAS['pinhole'], seen_from(0.5)
-    stranger = Marker(id=6, size_m=0.1, dictionary=BUNDLE.dictionary)
-    assert detect(render(stranger, camera, pose, SIZE), BUNDLE).reason.startswith('none of the 4')
-    known = Marker(id=586, size_m=0.1, dictionary=BUNDLE.dictionary)
+    other = Marker(id=6, size_m=0.1, dictionary=BUNDLE.dictionary)
+    assert detect(render(other, camera, pose, SIZE), BUNDLE).reason.startswith('none of the 4')
+    member = Marker(id=586, size_m=0.1, dictionary=BUNDLE.dictionary)
     np.testing.assert_array_equal(
-        detect(render(known, camera, pose, SIZE), BUNDLE).ids, [12, 13, 14, 15]
+        detect(render(member, camera, pose, SIZE), BUNDLE).ids, [12, 13, 14, 15]
     )
 
 
-def test_each_board_of_a_picture_is_found_with_its_own_pose(tmp_path):
-    """Two of the boards have markers of one dictionary; the camera is not known."""
+def test_each_board_in_an_image_is_detected_with_its_own_pose(tmp_path):
+    """Two of the boards share a dictionary."""
     path = tmp_path / 'boards.yaml'
     path.write_text(FILE)
     boards = load_boards(path)
@@ -76,15 +76,15 @@ def test_each_board_of_a_picture_is_found_with_its_own_pose(tmp_path):
         'crate': seen_from(0.55, (-0.3, 0.5), 0.4, (0.28, -0.18)),
         'wall': seen_from(0.5, (0.4, -0.4), 0.0, (0.02, 0.25)),
     }
-    picture = np.full(SIZE[::-1], 110.0)
+    image = np.full(SIZE[::-1], 110.0)
     for name, board in boards.items():
-        picture = render(board, camera, poses[name], SIZE, background=picture.astype(float))
+        image = render(board, camera, poses[name], SIZE, background=image.astype(float))
     for name, board in boards.items():
-        found = detect(picture, board)
-        assert len(found.ids) == len(board.points)
+        detection = detect(image, board)
+        assert len(detection.ids) == len(board.points)
         truth = project(camera, poses[name], board.points)
-        assert np.linalg.norm(found.image_points - truth, axis=1).max() < 0.3
-        known = estimate_pose(found.image_points, found.board_points, camera=camera)
-        pose = known.model.camera_from_board
+        assert np.linalg.norm(detection.image_points - truth, axis=1).max() < 0.3
+        estimate = estimate_pose(detection.image_points, detection.board_points, camera=camera)
+        pose = estimate.model.camera_from_board
         assert rotation_angle_rad(pose.rotation, poses[name].rotation) < 0.02
         assert pose.translation == pytest.approx(poses[name].translation, abs=2e-3)
