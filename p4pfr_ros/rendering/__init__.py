@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Boards as pictures: seen by a camera, or printed on paper."""
+"""Images of boards: rendered through a camera, or printed to scale."""
 
 from __future__ import annotations
 

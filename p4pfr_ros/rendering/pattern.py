@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The printed pattern of a board as exact shapes, from which pictures and prints are made."""
+"""The printed pattern of a board as exact shapes, for rendering and printing."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from p4pfr_ros.detection.aruco import check_markers, marker_cells
 @lru_cache(maxsize=32)
 def black_quads(board: Board) -> Array:
     """
-    Return what is black on the white sheet, (N, 4, 2) corners in metres.
+    Return the black rectangles of the pattern as corners (N, 4, 2) in metres, clockwise.
 
-    They are rectangles, turned as their marker is, with their corners clockwise. They do not
-    overlap; some touch. The array is read-only.
+    A rectangle in a marker is rotated with it. Rectangles may touch but do not overlap. The array
+    is read-only.
 
     Raises
     ------
     ValueError
-        This OpenCV has no such dictionary, or the dictionary not these markers.
+        OpenCV lacks the dictionary, or the dictionary lacks a marker.
 
     """
     check_markers(board)
@@ -34,7 +34,7 @@ def black_quads(board: Board) -> Array:
         cells = marker_cells(board.dictionary, marker_id)  # type: ignore[union-attr]
         parts.append(_cell_quads(cells, corners))
     black = np.concatenate(parts)
-    black.flags.writeable = False  # the cache keeps it
+    black.flags.writeable = False  # shared through the cache
     return black
 
 
@@ -46,12 +46,12 @@ def quads(rectangles: Array) -> Array:
 
 
 def _cell_quads(black: NDArray[np.bool_], corners: Array) -> Array:
-    """Return the runs of black cells, row by row, of a marker at its (4, 2) corners."""
-    # A run begins where black follows white and ends where white follows black.
+    """Return a marker's runs of black cells, row by row, as quads (N, 4, 2)."""
+    # A run begins at a step from white to black and ends at one from black to white.
     steps = np.diff(np.pad(black.astype(np.int8), ((0, 0), (1, 1))), axis=1)
     row, begin = np.nonzero(steps == 1)
     _, end = np.nonzero(steps == -1)
-    # In cells from the marker's top left, y down.
+    # In units of the marker's side from its top left, y down.
     runs = quads(np.stack([begin, row + 1, end, row], axis=1)) / len(black)
     top_left, top_right, _, bottom_left = corners
     across, down = top_right - top_left, bottom_left - top_left

@@ -1,7 +1,11 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Boards on paper: PDF or PNG files that print to scale."""
+"""
+Printable boards: PDF or PNG files that print to scale.
+
+Stands alone: only this part of the room needs matplotlib.
+"""
 
 from __future__ import annotations
 
@@ -19,85 +23,86 @@ from p4pfr_ros.files.boards import ConfigError
 from p4pfr_ros.rendering.pattern import black_quads
 
 _MM_PER_INCH = 25.4
-_LARGEST_PX = 30_000
-# With fewer pixels there is neither a board nor the line of text.
-_LOWEST_DPI = 20.0
-# The line of text at the lower edge: so high, or so much of the margin, whichever is less.
-_TEXT_MM, _TEXT_IN_MARGIN = 2.5, 0.3
+_MAX_SIDE_PX = 30_000
+# Lower resolutions resolve neither the pattern nor the line of text.
+_MIN_DPI = 20.0
+# Height of the line of text at the lower edge: the smaller of this height and this fraction of
+# the margin.
+_TEXT_MM, _TEXT_IN_MARGINS = 2.5, 0.3
 _POINTS_PER_MM = 72.0 / _MM_PER_INCH
 
 
 def print_board(board: Board, path: str | os.PathLike[str], *, dpi: float = 300.0) -> None:
     """
-    Write a board to a file that prints to scale, its page as large as the board's sheet.
+    Write a board to a file that prints to scale; the page is as large as the board's sheet.
 
     Parameters
     ----------
     board
-        What to print.
+        The board to print.
     path
-        Its ending says what is written: ``.pdf`` (exact, in points of 1/72 inch) or ``.png``
-        (which holds its resolution).
+        The file; its suffix selects the format: ``.pdf`` (vector graphics) or ``.png`` (with
+        its resolution in the metadata).
     dpi
         Pixels per inch of the PNG.
 
     Raises
     ------
     ConfigError
-        Another ending, a place that cannot be written to, or a PNG of fewer or more pixels than
-        make sense.
+        Another suffix, a path that cannot be written, or a PNG with a resolution that is too low
+        or a size that is too large.
     ValueError
-        dpi is not positive, or this OpenCV does not have the board's markers.
+        dpi is not positive, or OpenCV lacks the board's markers.
 
     """
     if not 0.0 < dpi < math.inf:
         raise ValueError(f'dpi must be > 0, got {dpi}')
-    ending = Path(path).suffix.lower()
-    if ending not in ('.pdf', '.png'):
+    suffix = Path(path).suffix.lower()
+    if suffix not in ('.pdf', '.png'):
         raise ConfigError(f'{path}: expected a name that ends in .pdf or .png')
     page_mm = 1000.0 * np.array(board.sheet_size_m)
-    if ending == '.png':
-        if dpi < _LOWEST_DPI:
-            raise ConfigError(f'{path}: expected at least {_LOWEST_DPI:g} dpi, got {dpi:g}')
-        # Whole pixels; the pattern keeps its scale, the margin takes up the rest.
+    if suffix == '.png':
+        if dpi < _MIN_DPI:
+            raise ConfigError(f'{path}: expected at least {_MIN_DPI:g} dpi, got {dpi:g}')
+        # Whole pixels: the pattern keeps its scale, and the margin absorbs the rounding.
         page_px = np.ceil(page_mm / _MM_PER_INCH * dpi)
-        if page_px.max() > _LARGEST_PX:
+        if page_px.max() > _MAX_SIDE_PX:
             raise ConfigError(
-                f'{path}: expected at most {_LARGEST_PX} px a side, got {page_px.max():.0f}: '
+                f'{path}: expected at most {_MAX_SIDE_PX} px a side, got {page_px.max():.0f}: '
                 f'use .pdf, or a lower resolution than {dpi:g} dpi'
             )
         page_mm = page_px / dpi * _MM_PER_INCH
     figure = _page(board, page_mm)
-    # No date: the same board gives the same file.
-    metadata = {'CreationDate': None} if ending == '.pdf' else {'Software': None}
+    # Without a date, the same board gives the same file.
+    metadata = {'CreationDate': None} if suffix == '.pdf' else {'Software': None}
     try:
-        figure.savefig(path, dpi=dpi, format=ending[1:], metadata=metadata)
+        figure.savefig(path, dpi=dpi, format=suffix[1:], metadata=metadata)
     except OSError as error:
         raise ConfigError(f'{path}: expected a place to write to: {error.strerror}') from None
 
 
 def describe(board: Board) -> str:
-    """Say in one line what a board is, with its sizes."""
+    """Return a one-line description of a board with its dimensions."""
     if isinstance(board, Chessboard):
-        what = (
+        text = (
             f'chessboard {board.columns}x{board.rows} inner corners, squares {_mm(board.square_m)}'
         )
     elif isinstance(board, Charuco):
         legacy = ', legacy pattern' if board.legacy_pattern else ''
-        what = (
+        text = (
             f'charuco {board.columns}x{board.rows} squares of {_mm(board.square_m)}, '
             f'markers {_mm(board.marker_m)}, {board.dictionary}{legacy}'
         )
     elif isinstance(board, Marker):
-        what = f'marker {board.id} of {board.dictionary}, side {_mm(board.size_m)}'
+        text = f'marker {board.id} of {board.dictionary}, side {_mm(board.size_m)}'
     elif isinstance(board, Bundle):
-        what = f'bundle of {len(board.markers)} markers of {board.dictionary}'
+        text = f'bundle of {len(board.markers)} markers of {board.dictionary}'
     else:
-        what = (
+        text = (
             f'marker grid {board.columns}x{board.rows}, markers {_mm(board.marker_m)}, '
             f'gaps {_mm(board.separation_m)}, {board.dictionary} from {board.first_id}'
         )
-    return f'{board.name}: {what}'
+    return f'{board.name}: {text}'
 
 
 def _mm(length_m: float) -> str:
@@ -105,7 +110,7 @@ def _mm(length_m: float) -> str:
 
 
 def _page(board: Board, page_mm: Array) -> Figure:
-    """Draw the pattern in the middle of a page."""
+    """Return a page with the pattern at its centre."""
     width_mm, height_mm = (float(side) for side in page_mm)
     figure = Figure(figsize=(width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH), facecolor='white')
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -113,13 +118,13 @@ def _page(board: Board, page_mm: Array) -> Figure:
     axes.set_ylim(-0.5 * height_mm, 0.5 * height_mm)
     axes.set_axis_off()
     quads_mm = 1000.0 * black_quads(board)
-    # One shape: cells drawn one by one would show hairlines where they touch.
+    # One compound path: separate cells would show hairlines where they touch.
     shape = Outline.make_compound_path(*(_outline(quad) for quad in quads_mm))
     axes.add_patch(PathPatch(shape, facecolor='black', linewidth=0.0, snap=False))
     margin_mm = 0.5 * height_mm + float(quads_mm[..., 1].min())
     text = f'{describe(board)}. Print at 100 %.'
-    # A letter is about half as wide as high.
-    size_mm = min(_TEXT_MM, _TEXT_IN_MARGIN * margin_mm, 0.9 * width_mm / (0.55 * len(text)))
+    # A letter is about half as wide as it is high.
+    size_mm = min(_TEXT_MM, _TEXT_IN_MARGINS * margin_mm, 0.9 * width_mm / (0.55 * len(text)))
     axes.text(
         0.0,
         -0.5 * height_mm + 0.5 * size_mm,
