@@ -13,7 +13,7 @@ import numpy as np
 from p4pfr_ros import solve_p4pfr_batch
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.core.minimal.solver import SolutionBatch
-from p4pfr_ros.scenes.instances import IMAGE_SIZE, Instances, instances, KINDS
+from p4pfr_ros.scenes.instances import IMAGE_SIZE, Instances, draw_instances, KINDS
 
 _CHUNK = 20_000
 
@@ -72,7 +72,7 @@ class InstanceClass:
 
     def draw(self, n: int, seed: int) -> Instances:
         """Draw n instances; their translation is that of the unscaled, unshifted board."""
-        drawn = instances(self.kind, n, seed)
+        drawn = draw_instances(self.kind, n, seed)
         board = self.scale * drawn.board_points + self.shift
         return Instances(
             drawn.image_points, board, drawn.focal_px, drawn.k, drawn.rotation, drawn.translation

@@ -19,9 +19,9 @@ import cv2
 import numpy as np
 from p4pfr_ros import DivisionCamera, SelfCalibration, Verdict
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.scenes.camera_views import camera_view, drawn_camera, fit_from_the_truth, grid
+from p4pfr_ros.scenes.camera_views import draw_camera_view, draw_camera, fit_from_ground_truth, board_grid
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
-from p4pfr_ros.scenes.single_view import View
+from p4pfr_ros.scenes.single_view import SyntheticView
 from rich.progress import track
 
 from .calibration_wide import wide_rows
@@ -57,8 +57,8 @@ def _errors_table(cameras: int) -> Measured:
     ours, reference, squares = [], [], []
     for seed in track(range(cameras), 'cameras', transient=True):
         rng = np.random.default_rng(seed)
-        camera = drawn_camera(rng)
-        views = [camera_view(rng, camera, grid(6, 4), outlier_share=0.1) for _ in range(30)]
+        camera = draw_camera(rng)
+        views = [draw_camera_view(rng, camera, board_grid(6, 4), outlier_share=0.1) for _ in range(30)]
         calibration = SelfCalibration(IMAGE_SIZE)
         for view in views:
             calibration.update(view.image_points, view.board_points)
@@ -66,7 +66,7 @@ def _errors_table(cameras: int) -> Measured:
         if fused is None:
             raise RuntimeError(f'no camera from the views of seed {seed}')
         ours.append(_magnitudes(fused.camera, camera))
-        reference.append(_magnitudes(fit_from_the_truth(views), camera))
+        reference.append(_magnitudes(fit_from_ground_truth(views), camera))
         error = _error(fused.camera, camera)
         squares.append(error @ np.linalg.solve(fused.covariance[:4, :4], error))
     medians = [np.median(errors, axis=0) for errors in (ours, reference)]
@@ -99,7 +99,7 @@ def _time_table() -> Measured:
     """Time updates with a full set of keyframes, and OpenCV on as many views."""
     rng = np.random.default_rng(0)
     camera = DivisionCamera(800.0, (650.0, 470.0), -0.2)
-    views = [camera_view(rng, camera, grid(9, 6)) for _ in range(40 + _TIMED_VIEWS)]
+    views = [draw_camera_view(rng, camera, board_grid(9, 6)) for _ in range(40 + _TIMED_VIEWS)]
     calibration = SelfCalibration(IMAGE_SIZE)
     for view in views[:40]:
         calibration.update(view.image_points, view.board_points)
@@ -121,13 +121,13 @@ def _time_table() -> Measured:
     return 'One update, 40 views of 54 points', ('', 'median, ms of CPU', 'speed-up'), rows
 
 
-def _seconds(calibration: SelfCalibration, view: View) -> float:
+def _seconds(calibration: SelfCalibration, view: SyntheticView) -> float:
     begin = time.process_time()
     calibration.update(view.image_points, view.board_points)
     return time.process_time() - begin
 
 
-def _opencv(views: Sequence[View]) -> None:
+def _opencv(views: Sequence[SyntheticView]) -> None:
     """Call cv2.calibrateCamera with its default five coefficients."""
     points = [np.pad(v.board_points, ((0, 0), (0, 1))).astype(np.float32) for v in views]
     image = [v.image_points.astype(np.float32) for v in views]

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, SelfCalibration
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
-from p4pfr_ros.scenes.camera_views import camera_view, grid
+from p4pfr_ros.scenes.camera_views import draw_camera_view, board_grid
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
-from p4pfr_ros.scenes.single_view import View
+from p4pfr_ros.scenes.single_view import SyntheticView
 
 from .tables import Measured, Row
 
@@ -69,14 +69,14 @@ def _calibrate(fov_deg: float, seed: int) -> tuple[int, float, float]:
     return terms, rms_ratio, camera.focal_px / focal_px - 1.0
 
 
-def _views(rng: np.random.Generator, lens: Any, count: int) -> list[View]:
+def _views(rng: np.random.Generator, lens: Any, count: int) -> list[SyntheticView]:
     options: dict[str, Any] = {'tilt_deg': (0.0, 60.0), 'distance': (0.35, 1.2)}
     return [
-        camera_view(rng, lens, grid(20, 10), noise_px=_NOISE_PX, **options) for _ in range(count)
+        draw_camera_view(rng, lens, board_grid(20, 10), noise_px=_NOISE_PX, **options) for _ in range(count)
     ]
 
 
-def _mean_square(camera: DivisionCamera, view: View) -> float:
+def _mean_square(camera: DivisionCamera, view: SyntheticView) -> float:
     """Return the mean squared error of a view, px², with the camera and the best pose."""
     model = estimate_pose(
         view.image_points, view.board_points, camera=camera, options=_ALL_INLIERS

@@ -22,7 +22,7 @@ from p4pfr_ros.core.minimal.pose import board_duals, scale_image
 from p4pfr_ros.core.minimal.sextic import coefficients, evaluate, Factors, factors
 from p4pfr_ros.core.minimal.solver import workspace
 from p4pfr_ros.report.figure_style import STYLE
-from p4pfr_ros.scenes.instances import instances
+from p4pfr_ros.scenes.instances import draw_instances
 
 _DOCS = Path(__file__).parent.parent / 'docs'
 
@@ -57,7 +57,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def prepare(seed: int) -> Scene:
     """Run the first steps of the solver on an instance."""
-    drawn = instances('patch', 1, seed)
+    drawn = draw_instances('patch', 1, seed)
     image, board = drawn.image_points[0], drawn.board_points[0]
     room = workspace()
     scale_image(image, room.image, room.radius)

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from p4pfr_ros import estimate_pose, Pose
 from p4pfr_ros.core.geometry import rotation_angle_rad
-from p4pfr_ros.scenes.single_view import View
+from p4pfr_ros.scenes.single_view import SyntheticView
 
 from .opencv import estimate_known, median_ms, pose_from_undistorted, undistort, views_of
 
@@ -34,7 +34,7 @@ def known_rows(scenes: int) -> list[tuple[str, ...]]:
     return [_row(n, views_of(n, 0, scenes)) for n in _POINTS]
 
 
-def _row(n: int, views: list[View]) -> tuple[str, ...]:
+def _row(n: int, views: list[SyntheticView]) -> tuple[str, ...]:
     prepared = [undistort(v) for v in views]
     opencv = [pose_from_undistorted(*p) for p in prepared]
     estimates = [estimate_pose(v.image_points, v.board_points, camera=v.camera) for v in views]
@@ -56,13 +56,13 @@ def _row(n: int, views: list[View]) -> tuple[str, ...]:
     )
 
 
-def _medians(poses: Sequence[Pose | None], views: list[View]) -> str:
+def _medians(poses: Sequence[Pose | None], views: list[SyntheticView]) -> str:
     errors = np.array([_error(p, v) for p, v in zip(poses, views, strict=True)])
     rotation_deg, position = np.median(errors, axis=0)
     return f'{rotation_deg:.4f} / {position:.4f}'
 
 
-def _error(pose: Pose | None, drawn: View) -> tuple[float, float]:
+def _error(pose: Pose | None, drawn: SyntheticView) -> tuple[float, float]:
     if pose is None:
         return math.inf, math.inf
     truth = drawn.camera_from_board

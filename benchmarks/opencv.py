@@ -13,7 +13,7 @@ import numpy as np
 from p4pfr_ros import estimate_pose, Pose
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
-from p4pfr_ros.scenes.single_view import View, view
+from p4pfr_ros.scenes.single_view import SyntheticView, draw_view
 
 # The calls to time, by name; each list is repeated in order.
 Calls = dict[str, list[Callable[[], object]]]
@@ -28,7 +28,7 @@ _CALIBRATE_FLAGS = (
 )
 
 
-def calibrate(drawn: View) -> None:
+def calibrate(drawn: SyntheticView) -> None:
     """Call cv2.calibrateCamera on one view, with k1 free."""
     guess_px = float(max(IMAGE_SIZE))
     x, y = (IMAGE_SIZE[0] - 1) / 2.0, (IMAGE_SIZE[1] - 1) / 2.0
@@ -49,7 +49,7 @@ def pose_from_undistorted(points: Array, undistorted: Array) -> Pose:
     return Pose(cv2.Rodrigues(rotation)[0], translation.ravel())
 
 
-def undistort(drawn: View) -> tuple[Array, Array]:
+def undistort(drawn: SyntheticView) -> tuple[Array, Array]:
     """Return the inputs of solvePnP: board points (N, 3), undistorted image points (N, 2)."""
     rays = drawn.camera.unproject(drawn.image_points)
     return _in_space(drawn.board_points), np.ascontiguousarray(rays[:, :2] / rays[:, 2:])
@@ -59,20 +59,20 @@ def _in_space(board: Array) -> Array:
     return np.column_stack([board, np.zeros(len(board))])
 
 
-def estimate(drawn: View) -> None:
+def estimate(drawn: SyntheticView) -> None:
     """Call ``estimate_pose`` with an unknown camera."""
     estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
 
 
-def estimate_known(drawn: View) -> None:
+def estimate_known(drawn: SyntheticView) -> None:
     """Call ``estimate_pose`` with the known camera."""
     estimate_pose(drawn.image_points, drawn.board_points, camera=drawn.camera)
 
 
-def views_of(n_points: int, outlier_percent: int, count: int) -> list[View]:
+def views_of(n_points: int, outlier_percent: int, count: int) -> list[SyntheticView]:
     """Draw views for the timing."""
     rng = np.random.default_rng([n_points, outlier_percent, 1])
-    return [view(rng, n_points, outlier_share=outlier_percent / 100.0) for _ in range(count)]
+    return [draw_view(rng, n_points, outlier_share=outlier_percent / 100.0) for _ in range(count)]
 
 
 def median_ms(calls: Calls, rounds: int) -> dict[str, float]:

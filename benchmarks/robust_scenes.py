@@ -16,7 +16,7 @@ from p4pfr_ros.core.minimal.solution import G, H, ROW_SIZE, solution_from_row, T
 from p4pfr_ros.core.one_view.free_camera import Gates
 from p4pfr_ros.core.one_view.least_squares import free_problem, least_squares_work, minimise
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
-from p4pfr_ros.scenes.single_view import View, view
+from p4pfr_ros.scenes.single_view import SyntheticView, draw_view
 
 _ANY_CAMERA = Gates(800.0, 0.0, math.pi, math.inf)
 _STEPS = 200
@@ -63,7 +63,7 @@ class Cell:
 def measure_cell(n_points: int, outlier_percent: int, scenes: int) -> Cell:
     """Draw the scenes of a cell and estimate each of them."""
     rng = np.random.default_rng([n_points, outlier_percent])
-    views = [view(rng, n_points, outlier_share=outlier_percent / 100.0) for _ in range(scenes)]
+    views = [draw_view(rng, n_points, outlier_share=outlier_percent / 100.0) for _ in range(scenes)]
     timed = [_timed(v) for v in views]
     return Cell(
         n_points,
@@ -75,7 +75,7 @@ def measure_cell(n_points: int, outlier_percent: int, scenes: int) -> Cell:
     )
 
 
-def _timed(drawn: View) -> tuple[PoseEstimate, float]:
+def _timed(drawn: SyntheticView) -> tuple[PoseEstimate, float]:
     best_s = math.inf
     for _ in range(_REPEATS):
         start = time.perf_counter()
@@ -84,7 +84,7 @@ def _timed(drawn: View) -> tuple[PoseEstimate, float]:
     return estimate, best_s
 
 
-def fit_from_ground_truth(drawn: View) -> Solution:
+def fit_from_ground_truth(drawn: SyntheticView) -> Solution:
     """Refine ground truth on the true inliers: the best result possible without a prior."""
     inlier = ~drawn.outlier
     image = np.ascontiguousarray(drawn.image_points[inlier] - drawn.camera.center_px)
@@ -98,12 +98,12 @@ def fit_from_ground_truth(drawn: View) -> Solution:
     return solution_from_row(row, drawn.camera.center_px)
 
 
-def _errors(models: list[Solution | None], views: list[View]) -> Errors:
+def _errors(models: list[Solution | None], views: list[SyntheticView]) -> Errors:
     each = [_error(model, v) for model, v in zip(models, views, strict=True)]
     return Errors(*np.array(each).T)
 
 
-def _error(model: Solution | None, drawn: View) -> tuple[float, float, float]:
+def _error(model: Solution | None, drawn: SyntheticView) -> tuple[float, float, float]:
     if model is None:
         return math.inf, math.inf, math.inf
     pose, truth = model.camera_from_board, drawn.camera_from_board

@@ -11,17 +11,17 @@ from p4pfr_ros import CalibrationState, estimate_pose, EstimateOptions, SelfCali
 from p4pfr_ros.boards import Chessboard
 from p4pfr_ros.detection import detect
 from p4pfr_ros.rendering import Renderer
-from p4pfr_ros.scenes.camera_views import camera_view, grid
+from p4pfr_ros.scenes.camera_views import board_grid, draw_camera_view
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
-BOARD = grid(20, 10)
+BOARD = board_grid(20, 10)
 NOISE_PX = 0.3
 CORNER_PX = 800.0
 
 
 class Fisheye:
-    """OpenCV's fisheye lens: the distance in the picture goes with the angle from the axis."""
+    """OpenCV's fisheye lens: the distance in the image goes with the angle from the axis."""
 
     def __init__(self, fov_deg, center_px=(646.0, 472.0)):
         self.half_rad = math.radians(0.5 * fov_deg)
@@ -50,7 +50,7 @@ class Fisheye:
 def views_of(lens, count, seed):
     rng = np.random.default_rng(seed)
     how = {'noise_px': NOISE_PX, 'tilt_deg': (0.0, 60.0), 'distance': (0.35, 1.2)}
-    return [camera_view(rng, lens, BOARD, **how) for _ in range(count)]
+    return [draw_camera_view(rng, lens, BOARD, **how) for _ in range(count)]
 
 
 @pytest.mark.parametrize(('fov_deg', 'times'), [(100, 1.3), (130, 1.3), (150, 1.6)])
@@ -80,7 +80,7 @@ def test_a_fisheye_lens_is_fitted_by_as_many_terms_as_it_wants(fov_deg, times, s
 
 
 @pytest.mark.parametrize('fov_deg', [100, 130, 150])
-def test_rendered_pictures_through_a_fisheye_lens_calibrate_it(fov_deg):
+def test_rendered_images_through_a_fisheye_lens_calibrate_it(fov_deg):
     lens = Fisheye(fov_deg)
     board = Chessboard(columns=9, rows=6, square_m=0.1)
     renderer = Renderer(lens, IMAGE_SIZE)
@@ -90,13 +90,15 @@ def test_rendered_pictures_through_a_fisheye_lens_calibrate_it(fov_deg):
     sheet = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, 0]])
     rng = np.random.default_rng(0)
     for _ in range(12):
-        view = camera_view(rng, lens, sheet, noise_px=0.0, tilt_deg=(10, 45), distance=(0.4, 0.8))
-        picture = renderer.render(
+        view = draw_camera_view(
+            rng, lens, sheet, noise_px=0.0, tilt_deg=(10, 45), distance=(0.4, 0.8)
+        )
+        image = renderer.render(
             board, view.camera_from_board, noise_sigma=2.0, blur_sigma_px=0.5, seed=1
         )
-        found = detect(picture, board)
-        if not found.reason:
-            calibration.update(found.image_points, found.board_points)
+        detection = detect(image, board)
+        if not detection.reason:
+            calibration.update(detection.image_points, detection.board_points)
     assert len(calibration.views) >= 8
     assert calibration.fused.rms_px < 0.2
     assert calibration.fused.camera.focal_px == pytest.approx(lens.focal_px, rel=0.01)

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Synthetic views of one camera: boards and markers where it sees them, noise, and the truth."""
+"""Synthetic views of one camera, with noise, outliers and ground truth."""
 
 from __future__ import annotations
 
@@ -15,29 +15,31 @@ from p4pfr_ros.core.many_views.joint_fit import fit_views
 from p4pfr_ros.core.model.lens import camera_from_lens, lens_from_camera, LENS_SIZE
 from p4pfr_ros.core.model.observation import observe
 from p4pfr_ros.core.model.prior import LensPrior
-from p4pfr_ros.scenes.instances import IMAGE_SIZE, tilted
-from p4pfr_ros.scenes.single_view import View
+from p4pfr_ros.scenes.instances import draw_rotations, IMAGE_SIZE
+from p4pfr_ros.scenes.single_view import add_noise_and_outliers, SyntheticView
 
-_FOCAL_PX = (500.0, 1500.0)
-_BEND = (-0.5, 0.0)  # k r² at the corner of the picture
+_FOCAL_RANGE_PX = (500.0, 1500.0)
+_CORNER_BEND = (-0.5, 0.0)  # k r² at the image corner
 _CORNER_PX = 0.5 * math.hypot(*IMAGE_SIZE)
 _MIDDLE_PX = (0.5 * (IMAGE_SIZE[0] - 1.0), 0.5 * (IMAGE_SIZE[1] - 1.0))
 
-# A noise whose gate no error is beyond, px.
+# A noise level so large that its outlier gate accepts every point, px.
 _NO_GATE_PX = 1000.0
 
-# Of the optical centre from the middle of the picture, as a share of its diagonal.
-CENTER_SPREAD = 0.03
+# Standard deviation of the distortion centre from the middle of the image, in image diagonals.
+CENTER_SIGMA = 0.03
 
 
-def drawn_camera(rng: np.random.Generator) -> DivisionCamera:
-    """Draw a camera for pictures of ``IMAGE_SIZE``, its centre off the middle as lenses' are."""
-    focal_px = math.exp(rng.uniform(*np.log(_FOCAL_PX)))
-    x, y = rng.normal(_MIDDLE_PX, CENTER_SPREAD * math.hypot(*IMAGE_SIZE))
-    return DivisionCamera(focal_px, (x, y), rng.uniform(*_BEND) * (focal_px / _CORNER_PX) ** 2)
+def draw_camera(rng: np.random.Generator) -> DivisionCamera:
+    """Draw a camera for ``IMAGE_SIZE``, with the centre off the middle as in real lenses."""
+    focal_px = math.exp(rng.uniform(*np.log(_FOCAL_RANGE_PX)))
+    x, y = rng.normal(_MIDDLE_PX, CENTER_SIGMA * math.hypot(*IMAGE_SIZE))
+    return DivisionCamera(
+        focal_px, (x, y), rng.uniform(*_CORNER_BEND) * (focal_px / _CORNER_PX) ** 2
+    )
 
 
-def camera_view(
+def draw_camera_view(
     rng: np.random.Generator,
     camera: DivisionCamera,
     board_points: Array,
@@ -46,43 +48,39 @@ def camera_view(
     outlier_share: float = 0.0,
     tilt_deg: tuple[float, float] = (5.0, 65.0),
     distance: tuple[float, float] = (0.4, 3.0),
-) -> View:
+) -> SyntheticView:
     """
-    Draw a view of a board's points (N, 2), all of them in a picture of ``IMAGE_SIZE``.
+    Draw a view of board points (N, 2), all of them inside an image of ``IMAGE_SIZE``.
 
-    camera: or any other lens that projects and unprojects. distance: of the board's origin, in
-    the board's units, least and most.
+    camera: a DivisionCamera, or another object that projects and unprojects. distance: range of
+    the distance of the board's origin, in the board's units.
     """
     low, high = np.log(distance)
     points = np.pad(board_points, ((0, 0), (0, 1)))
     while True:
         ray = camera.unproject(rng.uniform((0, 0), IMAGE_SIZE))
-        place = ray / np.linalg.norm(ray) * math.exp(rng.uniform(low, high))
-        pose = Pose(tilted(*tilt_deg)(rng, 1)[0], place)
-        seen = pose.transform(points)
-        # From its front: its normal points towards the camera.
-        if not (seen @ pose.rotation[:, 2] < 0.0).all():
+        origin = ray / np.linalg.norm(ray) * math.exp(rng.uniform(low, high))
+        pose = Pose(draw_rotations(rng, 1, tilt_deg)[0], origin)
+        in_camera = pose.transform(points)
+        # Reject views of the back: the board's normal must point towards the camera.
+        if not (in_camera @ pose.rotation[:, 2] < 0.0).all():
             continue
-        image = camera.project(seen)
-        if ((image > 0.0) & (image < np.subtract(IMAGE_SIZE, 1))).all():  # NaN is outside
+        image = camera.project(in_camera)
+        if ((image > 0.0) & (image < np.subtract(IMAGE_SIZE, 1))).all():  # false for NaN
             break
-    n = len(board_points)
-    image = image + rng.normal(0.0, noise_px, image.shape)
-    outlier = np.zeros(n, dtype=bool)
-    outlier[rng.permutation(n)[: round(outlier_share * n)]] = True
-    image[outlier] = rng.uniform((0, 0), IMAGE_SIZE, (int(outlier.sum()), 2))
-    return View(image, board_points, outlier, camera, pose)
+    image, outlier = add_noise_and_outliers(rng, image, noise_px, outlier_share)
+    return SyntheticView(image, board_points, outlier, camera, pose)
 
 
-def grid(columns: int, rows: int) -> Array:
-    """Return the points (columns * rows, 2) of a board, about its middle; one unit long."""
+def board_grid(columns: int, rows: int) -> Array:
+    """Return the points (columns * rows, 2) of a centred board that is one unit wide."""
     x = np.linspace(-0.5, 0.5, columns)
     y = (np.arange(rows) - 0.5 * (rows - 1)) / (columns - 1)
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def fit_from_the_truth(views: Sequence[View]) -> DivisionCamera:
-    """Return the best there is: full bundle adjustment from the truth, on the true inliers."""
+def fit_from_ground_truth(views: Sequence[SyntheticView]) -> DivisionCamera:
+    """Return the optimum: bundle adjustment from the ground truth, on the true inliers."""
     centered, rows = [], []
     for view in views:
         observation = observe(view.image_points[~view.outlier], view.board_points[~view.outlier])

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Scenes whose answer is known: one generator for tests, benchmarks and demonstrations.
+Minimal problems with ground truth: four points of a marker in a distorted image.
 
-The minimal instances are a marker in front of a 1280x960 camera with f from 300 to 2000 px and
-k r² at the image's corner from -0.5 to 0, projected without noise and in double precision.
+The marker is in front of a 1280x960 camera with f from 300 to 2000 px and k r² at the image
+corner from -0.5 to 0, and is projected without noise in double precision.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from p4pfr_ros.core.geometry import Array
 IMAGE_SIZE = (1280, 960)
 _HALF_SIZE_PX = np.array([640.0, 480.0])
 _CORNER_RADIUS_PX = 800.0
-_SQUARE = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
+_UNIT_SQUARE = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
 
-# Of the marker in the picture: from barely seen to nearly filling it.
+# Range of the marker's size in the image: from barely visible to nearly filling it.
 _LOG_MARKER_SIZE_PX = (math.log(60.0), math.log(900.0))
 
-# A sample of four board points in the unit square whose flattest triangle is smaller than this
-# is drawn again; the collinear class draws its own.
+# Four random points in the unit square are rejected if any triangle of them is smaller.
 _MIN_TRIANGLE_AREA = 0.02
+# Steps per unit of the grid that board coordinates are rounded to.
 _GRID = 2.0**40
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Instances:
     """
-    n minimal problems and their answers.
+    n minimal problems and their ground truth.
 
-    image_points (n, 4, 2) in px relative to the centre, board_points (n, 4, 2) in marker
-    sizes, focal_px (n,), k (n,) dimensionless, rotation (n, 3, 3), translation (n, 3).
+    image_points (n, 4, 2) in px relative to the distortion centre, board_points (n, 4, 2) in
+    marker sizes, focal_px (n,), k (n,) dimensionless, rotation (n, 3, 3), translation (n, 3).
     """
 
     image_points: Array
@@ -51,14 +51,38 @@ class Instances:
         return len(self.focal_px)
 
 
-# A placement gets (rng, board, rotation) and says which board point (n, 2) lies on which pixel
-# (n, 2), relative to the centre.
-Placement = Callable[[np.random.Generator, Array, Array], tuple[Array, Array]]
-Board = Callable[[np.random.Generator, int], Array]
-Rotation = Callable[[np.random.Generator, int], Array]
+# From (rng, n): the points (n, 4, 2) of n boards.
+DrawBoards = Callable[[np.random.Generator, int], Array]
+# From (rng, boards): one point (n, 2) of each board, and the pixel (n, 2), relative to the centre,
+# that it projects to.
+Place = Callable[[np.random.Generator, Array], tuple[Array, Array]]
 
 
-def instances(kind: str, n: int, seed: int = 0) -> Instances:
+@dataclass(frozen=True, slots=True)
+class InstanceKind:
+    """
+    How to draw one kind of instances.
+
+    Parameters
+    ----------
+    draw_boards
+        Draws the board points.
+    place
+        Chooses the position in the image.
+    tilt_deg
+        Range of the tilt of the board against the image plane, degrees.
+    about_side
+        Whether the tilt axis is parallel to a side of the unit square.
+
+    """
+
+    draw_boards: DrawBoards
+    place: Place
+    tilt_deg: tuple[float, float] = (5.0, 70.0)
+    about_side: bool = False
+
+
+def draw_instances(kind: str, n: int, seed: int = 0) -> Instances:
     """
     Draw n instances of a kind, one of ``KINDS``.
 
@@ -73,22 +97,20 @@ def instances(kind: str, n: int, seed: int = 0) -> Instances:
     rng = np.random.default_rng(seed)
     batches: list[Instances] = []
     while sum(map(len, batches)) < n:
-        batches.append(visible(draw(rng, 2 * n + 16, *KINDS[kind])))
+        batches.append(select_visible(draw_batch(rng, 2 * n + 16, KINDS[kind])))
     fields = zip(*((getattr(b, f) for f in Instances.__slots__) for b in batches), strict=True)
     return Instances(*(np.concatenate(parts)[:n] for parts in fields))
 
 
-def draw(
-    rng: np.random.Generator, n: int, draw_board: Board, draw_rotation: Rotation, place: Placement
-) -> Instances:
-    """Draw n boards, cameras and poses; not all are seen whole."""
+def draw_batch(rng: np.random.Generator, n: int, kind: InstanceKind) -> Instances:
+    """Draw n boards, cameras and poses; some boards are not entirely inside the image."""
     low, high = np.log(300.0), np.log(2000.0)
     focal_px = np.exp(rng.uniform(low, high, n))
     k_px = rng.uniform(-0.5, 0.0, n) / _CORNER_RADIUS_PX**2
-    board = draw_board(rng, n)
-    rotation = draw_rotation(rng, n)
-    anchor, pixel = place(rng, board, rotation)
-    # The ray through the anchor's pixel, scaled so that the marker has its size in the picture.
+    board = kind.draw_boards(rng, n)
+    rotation = draw_rotations(rng, n, kind.tilt_deg, about_side=kind.about_side)
+    anchor, pixel = kind.place(rng, board)
+    # The anchor lies on the ray through its pixel, at the distance that gives the marker its size.
     distance = focal_px / np.exp(rng.uniform(*_LOG_MARKER_SIZE_PX, n))
     ray = np.column_stack([pixel, focal_px * (1.0 + k_px * np.sum(pixel**2, axis=1))])
     on_ray = ray / np.linalg.norm(ray, axis=1, keepdims=True) * distance[:, None]
@@ -110,34 +132,34 @@ def _project(
     return image
 
 
-def visible(drawn: Instances) -> Instances:
-    """Keep what the camera sees whole, in front of it."""
-    inside = np.all(np.abs(drawn.image_points) <= _HALF_SIZE_PX, axis=(1, 2))
-    depth = np.einsum('nj,npj->np', drawn.rotation[:, 2, :2], drawn.board_points)
-    seen = inside & np.all(depth + drawn.translation[:, 2:] > 0.0, axis=1)
-    return Instances(*(getattr(drawn, f)[seen] for f in Instances.__slots__))
+def select_visible(instances: Instances) -> Instances:
+    """Return the instances with all points inside the image and in front of the camera."""
+    inside = np.all(np.abs(instances.image_points) <= _HALF_SIZE_PX, axis=(1, 2))
+    depth = np.einsum('nj,npj->np', instances.rotation[:, 2, :2], instances.board_points)
+    visible = inside & np.all(depth + instances.translation[:, 2:] > 0.0, axis=1)
+    return Instances(*(getattr(instances, f)[visible] for f in Instances.__slots__))
 
 
-def square(rng: np.random.Generator, n: int) -> Array:
-    """Return the unit square's corners, n times (n, 4, 2): clockwise from top left."""
-    return np.tile(_SQUARE, (n, 1, 1))
+def unit_squares(rng: np.random.Generator, n: int) -> Array:
+    """Return the corners (n, 4, 2) of n unit squares, clockwise from the top left."""
+    return np.tile(_UNIT_SQUARE, (n, 1, 1))
 
 
-def _patch(rng: np.random.Generator, n: int) -> Array:
-    """Four points of the unit square, no three of them nearly on a line."""
-    drawn = rng.uniform(-0.5, 0.5, (12 * n, 4, 2))
+def _random_quads(rng: np.random.Generator, n: int) -> Array:
+    """Draw four points in the unit square, no three of them nearly collinear."""
+    quads = rng.uniform(-0.5, 0.5, (12 * n, 4, 2))
     areas = [
-        0.5 * np.abs(_cross(drawn[:, b] - drawn[:, a], drawn[:, c] - drawn[:, a]))
+        0.5 * np.abs(_cross(quads[:, b] - quads[:, a], quads[:, c] - quads[:, a]))
         for a, b, c in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))
     ]
-    good = drawn[np.min(areas, axis=0) > _MIN_TRIANGLE_AREA][:n]
-    # On a fine grid, so that a board that is moved by 1000 units is the same board to the bit.
+    good = quads[np.min(areas, axis=0) > _MIN_TRIANGLE_AREA][:n]
+    # Rounded to a fine grid, so that moving a board by 1000 units is exact in double precision.
     on_grid: Array = np.round(good * _GRID) / _GRID
     return on_grid
 
 
-def _three_collinear(rng: np.random.Generator, n: int) -> Array:
-    board = _patch(rng, n)
+def _quads_with_three_collinear(rng: np.random.Generator, n: int) -> Array:
+    board = _random_quads(rng, n)
     share = rng.uniform(0.3, 0.7, (n, 1))
     board[:, 2] = share * board[:, 0] + (1.0 - share) * board[:, 1]
     return board
@@ -148,22 +170,25 @@ def _cross(a: Array, b: Array) -> Array:
     return product
 
 
-def tilted(low_deg: float, high_deg: float, about_side: bool = False) -> Rotation:
-    """Turn the board about an axis in its plane by the tilt, then about the optical axis."""
+def draw_rotations(
+    rng: np.random.Generator, n: int, tilt_deg: tuple[float, float], *, about_side: bool = False
+) -> Array:
+    """
+    Draw rotations (n, 3, 3) ``camera_from_board`` of boards that face the camera.
 
-    def draw(rng: np.random.Generator, n: int) -> Array:
-        tilt = np.radians(rng.uniform(low_deg, high_deg, n))
-        azimuth = rng.uniform(0.0, 2.0 * np.pi, n)
-        if about_side:
-            azimuth = np.round(azimuth / (np.pi / 2.0)) * (np.pi / 2.0)
-        roll = rng.uniform(0.0, 2.0 * np.pi, n)
-        # The board faces the camera: its x right, y up, z out of it, against the optical axis.
-        facing = np.diag([1.0, -1.0, -1.0])
-        turned = _about_z(azimuth) @ _about_x(tilt) @ _about_z(-azimuth)
-        rotation: Array = _about_z(roll) @ facing @ turned
-        return rotation
-
-    return draw
+    Each is a tilt in the range tilt_deg about a random axis in the board's plane (about_side: a
+    multiple of 90° from its x axis), then a random roll about the optical axis.
+    """
+    tilt = np.radians(rng.uniform(*tilt_deg, n))
+    azimuth = rng.uniform(0.0, 2.0 * np.pi, n)
+    if about_side:
+        azimuth = np.round(azimuth / (np.pi / 2.0)) * (np.pi / 2.0)
+    roll = rng.uniform(0.0, 2.0 * np.pi, n)
+    # Head-on: the board's x right, y up, z against the optical axis.
+    head_on = np.diag([1.0, -1.0, -1.0])
+    tilted = _about_z(azimuth) @ _about_x(tilt) @ _about_z(-azimuth)
+    rotation: Array = _about_z(roll) @ head_on @ tilted
+    return rotation
 
 
 def _about_z(angle: Array) -> Array:
@@ -176,45 +201,41 @@ def _about_x(angle: Array) -> Array:
     return np.stack([one, zero, zero, zero, c, -s, zero, s, c], axis=-1).reshape(-1, 3, 3)
 
 
-def anywhere(rng: np.random.Generator, board: Array, rotation: Array) -> tuple[Array, Array]:
-    """Put the board's middle on any pixel."""
+def place_anywhere(rng: np.random.Generator, board: Array) -> tuple[Array, Array]:
+    """Place the board's origin on a random pixel."""
     n = len(board)
     return np.zeros((n, 2)), rng.uniform(-_HALF_SIZE_PX, _HALF_SIZE_PX, (n, 2))
 
 
-def _centred(rng: np.random.Generator, board: Array, rotation: Array) -> tuple[Array, Array]:
+def _place_at_centre(rng: np.random.Generator, board: Array) -> tuple[Array, Array]:
     return np.zeros((len(board), 2)), np.zeros((len(board), 2))
 
 
-def _point_at_centre(
-    rng: np.random.Generator, board: Array, rotation: Array
-) -> tuple[Array, Array]:
+def _place_point_at_centre(rng: np.random.Generator, board: Array) -> tuple[Array, Array]:
     return board[:, 0], np.zeros((len(board), 2))
 
 
-def _two_on_a_ray(rng: np.random.Generator, board: Array, rotation: Array) -> tuple[Array, Array]:
-    """Put the centre on the line through two points: between them, or beyond."""
+def _place_two_on_a_ray(rng: np.random.Generator, board: Array) -> tuple[Array, Array]:
+    """Place the centre on the line through two points, between or beyond them."""
     share = rng.uniform(-1.0, 2.0, (len(board), 1))
     return share * board[:, 0] + (1.0 - share) * board[:, 1], np.zeros((len(board), 2))
 
 
-def _point_above_centre(
-    rng: np.random.Generator, board: Array, rotation: Array
-) -> tuple[Array, Array]:
+def _place_point_above_centre(rng: np.random.Generator, board: Array) -> tuple[Array, Array]:
     n = len(board)
     pixel = np.column_stack([np.zeros(n), rng.uniform(-480.0, 480.0, n)])
     return board[:, 0], pixel
 
 
-KINDS: dict[str, tuple[Board, Rotation, Placement]] = {
-    'patch': (_patch, tilted(0.0, 70.0), anywhere),
-    'square': (square, tilted(0.0, 70.0), anywhere),
-    'patch, tilt < 3°': (_patch, tilted(0.0, 3.0), anywhere),
-    'square, tilt < 3°': (square, tilted(0.0, 3.0), anywhere),
-    'square about its side': (square, tilted(5.0, 70.0, about_side=True), anywhere),
-    'a point with x = 0': (_patch, tilted(5.0, 70.0), _point_above_centre),
-    'a point at the centre': (_patch, tilted(5.0, 70.0), _point_at_centre),
-    'three collinear points': (_three_collinear, tilted(5.0, 70.0), anywhere),
-    'square centred on the axis': (square, tilted(5.0, 70.0), _centred),
-    'two points on one ray': (_patch, tilted(5.0, 70.0), _two_on_a_ray),
+KINDS: dict[str, InstanceKind] = {
+    'patch': InstanceKind(_random_quads, place_anywhere, (0.0, 70.0)),
+    'square': InstanceKind(unit_squares, place_anywhere, (0.0, 70.0)),
+    'patch, tilt < 3°': InstanceKind(_random_quads, place_anywhere, (0.0, 3.0)),
+    'square, tilt < 3°': InstanceKind(unit_squares, place_anywhere, (0.0, 3.0)),
+    'square about its side': InstanceKind(unit_squares, place_anywhere, about_side=True),
+    'a point with x = 0': InstanceKind(_random_quads, _place_point_above_centre),
+    'a point at the centre': InstanceKind(_random_quads, _place_point_at_centre),
+    'three collinear points': InstanceKind(_quads_with_three_collinear, place_anywhere),
+    'square centred on the axis': InstanceKind(unit_squares, _place_at_centre),
+    'two points on one ray': InstanceKind(_random_quads, _place_two_on_a_ray),
 }

@@ -1,7 +1,11 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Synthetic views of boards, with noise and outliers, and the truth behind them."""
+"""
+One synthetic view of a random camera, with noise, outliers and ground truth.
+
+Stands alone: a single view needs no calibration code, which ``camera_views`` imports.
+"""
 
 from __future__ import annotations
 
@@ -11,23 +15,23 @@ import numpy as np
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array, Mask, Pose
 from p4pfr_ros.scenes.instances import (
-    anywhere,
-    draw,
+    draw_batch,
     IMAGE_SIZE,
+    InstanceKind,
     Instances,
-    square,
-    tilted,
-    visible,
+    place_anywhere,
+    select_visible,
+    unit_squares,
 )
 
-# A board smaller than this in the picture is drawn again.
-_SMALLEST_EXTENT_PX = 0.55 * IMAGE_SIZE[1]
+# A board with a smaller extent in the image is rejected.
+_MIN_EXTENT_PX = 0.55 * IMAGE_SIZE[1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class SyntheticView:
     """
-    One noisy look at a board, and the truth behind it.
+    One view of a board with its ground truth.
 
     image_points (N, 2) px, board_points (N, 2), outlier (N,) bool.
     """
@@ -39,38 +43,48 @@ class View:
     camera_from_board: Pose
 
 
-def view(
+def draw_view(
     rng: np.random.Generator,
     n_points: int,
     *,
     noise_px: float = 0.5,
     outlier_share: float = 0.0,
     tilt_deg: tuple[float, float] = (15.0, 65.0),
-) -> View:
-    """Draw a board of n points, uniform in a square, with noise and outliers, in the picture."""
+) -> SyntheticView:
+    """Draw a view of n board points, uniform in a unit square that is inside the image."""
+    kind = InstanceKind(unit_squares, place_anywhere, tilt_deg)
     while True:
-        corners = visible(draw(rng, 64, square, tilted(*tilt_deg), anywhere))
+        corners = select_visible(draw_batch(rng, 64, kind))
         extent_px = np.ptp(corners.image_points, axis=1).max(axis=1)
-        large = np.flatnonzero(extent_px > _SMALLEST_EXTENT_PX)
+        large = np.flatnonzero(extent_px > _MIN_EXTENT_PX)
         if large.size:
             return _noisy_view(rng, corners, int(large[0]), n_points, noise_px, outlier_share)
 
 
 def _noisy_view(
     rng: np.random.Generator,
-    drawn: Instances,
+    squares: Instances,
     index: int,
     n_points: int,
     noise_px: float,
     outlier_share: float,
-) -> View:
+) -> SyntheticView:
     center_px = ((IMAGE_SIZE[0] - 1) / 2.0, (IMAGE_SIZE[1] - 1) / 2.0)
-    camera = DivisionCamera(float(drawn.focal_px[index]), center_px, float(drawn.k[index]))
-    pose = Pose(drawn.rotation[index], drawn.translation[index])
+    camera = DivisionCamera(float(squares.focal_px[index]), center_px, float(squares.k[index]))
+    pose = Pose(squares.rotation[index], squares.translation[index])
     board = rng.uniform(-0.5, 0.5, (n_points, 2))
     image = camera.project(pose.transform(np.column_stack([board, np.zeros(n_points)])))
-    image += rng.normal(0.0, noise_px, image.shape)
-    outlier = np.zeros(n_points, dtype=bool)
-    outlier[rng.permutation(n_points)[: round(outlier_share * n_points)]] = True
-    image[outlier] = rng.uniform(0.0, IMAGE_SIZE, (int(outlier.sum()), 2))
-    return View(image, board, outlier, camera, pose)
+    image, outlier = add_noise_and_outliers(rng, image, noise_px, outlier_share)
+    return SyntheticView(image, board, outlier, camera, pose)
+
+
+def add_noise_and_outliers(
+    rng: np.random.Generator, image: Array, noise_px: float, outlier_share: float
+) -> tuple[Array, Mask]:
+    """Return noisy image points (N, 2), some of them uniform in the image, and which (N,)."""
+    n = len(image)
+    image = image + rng.normal(0.0, noise_px, image.shape)
+    outlier = np.zeros(n, dtype=bool)
+    outlier[rng.permutation(n)[: round(outlier_share * n)]] = True
+    image[outlier] = rng.uniform((0, 0), IMAGE_SIZE, (int(outlier.sum()), 2))
+    return image, outlier

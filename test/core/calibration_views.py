@@ -6,27 +6,32 @@
 import numpy as np
 from p4pfr_ros import SelfCalibration
 from p4pfr_ros.core.jit import COMPILED
+<<<<<<< HEAD
 from p4pfr_ros.core.model.lens import lens_from_camera
 from p4pfr_ros.scenes.camera_views import camera_view, drawn_camera, grid
+=======
+from p4pfr_ros.core.model.calibration_view import lens_of
+from p4pfr_ros.scenes.camera_views import board_grid, draw_camera, draw_camera_view
+>>>>>>> f231af6 (Give the synthetic scenes one vocabulary: functions that draw, and a SyntheticView)
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
 takes_long = pytest.mark.skipif(not COMPILED, reason='takes minutes interpreted')
 
 MIDDLE_PX = (639.5, 479.5)
-BOARD = grid(6, 4)
+BOARD = board_grid(6, 4)
 MARKER = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
 
 
 def views_of(camera, count, seed=0, board=BOARD, **how):
     """Draw views of a camera."""
     rng = np.random.default_rng([seed, 1])
-    return [camera_view(rng, camera, board, **how) for _ in range(count)]
+    return [draw_camera_view(rng, camera, board, **how) for _ in range(count)]
 
 
 def drawn(seed):
     """Draw a camera."""
-    return drawn_camera(np.random.default_rng([seed, 0]))
+    return draw_camera(np.random.default_rng([seed, 0]))
 
 
 def calibrated(views, calibration=None, **options):

@@ -11,7 +11,7 @@ import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions
 from p4pfr_ros.core.jit import COMPILED
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
-from p4pfr_ros.scenes.single_view import view
+from p4pfr_ros.scenes.single_view import draw_view
 import pytest
 
 CAMERA = DivisionCamera(800.0, (639.5, 479.5), -0.1)
@@ -76,7 +76,7 @@ def test_degenerate_points_have_no_pose_or_an_honest_one(n, how):
 @pytest.mark.parametrize('scale', [1e-200, 1e-12, 1e12, 1e200])
 @pytest.mark.parametrize('which', ['image', 'board'])
 def test_wild_scales_are_answered_or_named(which, scale, how):
-    drawn = view(np.random.default_rng(3), 12)
+    drawn = draw_view(np.random.default_rng(3), 12)
     image, board = drawn.image_points, drawn.board_points
     points = (scale * image, board) if which == 'image' else (image, scale * board)
     with warnings.catch_warnings():
@@ -85,7 +85,7 @@ def test_wild_scales_are_answered_or_named(which, scale, how):
 
 
 def test_the_boards_unit_does_not_matter():
-    drawn = view(np.random.default_rng(4), 20)
+    drawn = draw_view(np.random.default_rng(4), 20)
     pixels = drawn.image_points
     metres = estimate_pose(pixels, drawn.board_points, image_size=IMAGE_SIZE)
     for unit in (1e-6, 1e6):
@@ -102,7 +102,7 @@ def test_the_boards_unit_does_not_matter():
 
 
 def test_any_layout_and_number_type_gives_the_same_answer():
-    drawn = view(np.random.default_rng(5), 20)
+    drawn = draw_view(np.random.default_rng(5), 20)
     image = np.round(drawn.image_points)
     board = np.round(1000.0 * drawn.board_points)
     plain = estimate_pose(image, board, image_size=IMAGE_SIZE)
@@ -120,7 +120,7 @@ def test_any_layout_and_number_type_gives_the_same_answer():
 
 
 def test_ten_thousand_points_are_no_trouble(sample):
-    drawn = view(np.random.default_rng(6), sample(10_000, 60), outlier_share=0.3)
+    drawn = draw_view(np.random.default_rng(6), sample(10_000, 60), outlier_share=0.3)
     estimate = estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
     assert estimate.model.camera.focal_px == pytest.approx(drawn.camera.focal_px, rel=0.05)
 

@@ -16,8 +16,12 @@ from p4pfr_ros.core.many_views.bundle_adjustment import (
     truncated_cost,
 )
 from p4pfr_ros.core.model.lens import COLUMNS, LENS_SIZE, linearise, RESIDUAL, squared_error
+<<<<<<< HEAD
 from p4pfr_ros.core.model.prior import WeightedPrior
 from p4pfr_ros.scenes.camera_views import camera_view, grid
+=======
+from p4pfr_ros.scenes.camera_views import board_grid, draw_camera_view
+>>>>>>> f231af6 (Give the synthetic scenes one vocabulary: functions that draw, and a SyntheticView)
 import pytest
 
 LENSES = {
@@ -38,7 +42,9 @@ def views(lens, count, noise_px=0.3, seed=3):
     focal_px, x, y, *terms = lens
     camera = DivisionCamera(focal_px, (639.5 + x, 479.5 + y), *terms)
     rng = np.random.default_rng(seed)
-    drawn = [camera_view(rng, camera, grid(6, 4), noise_px=noise_px) for _ in range(count)]
+    drawn = [
+        draw_camera_view(rng, camera, board_grid(6, 4), noise_px=noise_px) for _ in range(count)
+    ]
     poses = [
         (*v.camera_from_board.rotation.ravel(), *v.camera_from_board.translation) for v in drawn
     ]

@@ -6,7 +6,7 @@
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, Pose
 from p4pfr_ros.core.geometry import rotation_angle_rad
-from p4pfr_ros.scenes.single_view import view
+from p4pfr_ros.scenes.single_view import draw_view
 import pytest
 
 
@@ -15,7 +15,7 @@ def test_a_known_camera_leaves_the_pose(n, sample):
     rng = np.random.default_rng(8)
     angles = []
     for _ in range(sample(40, 3)):
-        drawn = view(rng, n, outlier_share=0.2 if n >= 24 else 0.0)
+        drawn = draw_view(rng, n, outlier_share=0.2 if n >= 24 else 0.0)
         estimate = estimate_pose(drawn.image_points, drawn.board_points, camera=drawn.camera)
         if estimate.model is None:
             angles.append(np.inf)

@@ -6,7 +6,7 @@
 import numpy as np
 from p4pfr_ros import DivisionCamera, solve_p4pfr, solve_p4pfr_batch
 from p4pfr_ros.core.geometry import rotation_angle_rad
-from p4pfr_ros.scenes.instances import instances, KINDS
+from p4pfr_ros.scenes.instances import draw_instances, KINDS
 import pytest
 
 # Of 10,000 each, with a margin below what was measured; the benchmark has the figures.
@@ -40,7 +40,7 @@ def solutions(drawn, batch):
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_truth_is_among_the_solutions(kind, sample):
-    drawn = instances(kind, sample(10_000))
+    drawn = draw_instances(kind, sample(10_000))
     batch = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
     missed = np.sum(errors(drawn, batch) >= 1e-6)
     assert missed <= 1 + (1.0 - RECALL[kind]) * len(drawn)
@@ -48,7 +48,7 @@ def test_truth_is_among_the_solutions(kind, sample):
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_every_solution_passes_its_own_checks(kind, sample):
-    drawn = instances(kind, sample(300, 10), seed=1)
+    drawn = draw_instances(kind, sample(300, 10), seed=1)
     batch = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
     assert batch.count.max() <= 6
     for image, board, camera, (rotation, translation) in solutions(drawn, batch):
@@ -60,7 +60,7 @@ def test_every_solution_passes_its_own_checks(kind, sample):
 
 
 def test_batch_has_nan_past_its_count():
-    drawn = instances('patch', 20)
+    drawn = draw_instances('patch', 20)
     batch = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
     past = np.arange(6) >= batch.count[:, None]
     for numbers in (batch.focal_px, batch.k, batch.rotation, batch.translation):
@@ -69,7 +69,7 @@ def test_batch_has_nan_past_its_count():
 
 
 def test_workers_share_the_work_and_change_nothing():
-    drawn = instances('patch', 101)
+    drawn = draw_instances('patch', 101)
     alone = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
     shared = solve_p4pfr_batch(drawn.image_points, drawn.board_points, workers=3)
     np.testing.assert_array_equal(shared.count, alone.count)
@@ -79,7 +79,7 @@ def test_workers_share_the_work_and_change_nothing():
 
 
 def test_one_and_many_agree():
-    drawn = instances('patch', 20)
+    drawn = draw_instances('patch', 20)
     batch = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
     for i in range(20):
         alone = solve_p4pfr(drawn.image_points[i], drawn.board_points[i])
@@ -94,13 +94,13 @@ def test_one_and_many_agree():
 
 @pytest.mark.parametrize(('factor', 'shift'), [(1e3, 0.0), (1e-3, 0.0), (1.0, 1000.0)])
 def test_the_boards_unit_and_origin_do_not_matter(factor, shift, sample):
-    drawn = instances('patch', sample(2_000))
+    drawn = draw_instances('patch', sample(2_000))
     moved = solve_p4pfr_batch(drawn.image_points, factor * drawn.board_points + shift)
     assert np.mean(errors(drawn, moved) < 1e-6) >= 0.999
 
 
 def test_translation_is_in_the_boards_unit():
-    drawn = instances('patch', 1)
+    drawn = draw_instances('patch', 1)
     in_mm = solve_p4pfr(drawn.image_points[0], 1e3 * drawn.board_points[0])
     best = min(in_mm, key=lambda s: abs(s.camera.focal_px - drawn.focal_px[0]))
     np.testing.assert_allclose(
@@ -167,7 +167,7 @@ def test_an_empty_batch_is_empty():
 
 
 def test_integers_and_single_precision_are_taken():
-    drawn = instances('patch', 1, seed=4)
+    drawn = draw_instances('patch', 1, seed=4)
     image = drawn.image_points[0].astype(np.float32)
     exact = solve_p4pfr(image.astype(np.float64), drawn.board_points[0])
     single = solve_p4pfr(image, drawn.board_points[0])
@@ -178,4 +178,4 @@ def test_integers_and_single_precision_are_taken():
 
 def test_unknown_kind_of_instance_is_named():
     with pytest.raises(ValueError, match=r"kind must be one of .* got 'cube'"):
-        instances('cube', 1)
+        draw_instances('cube', 1)

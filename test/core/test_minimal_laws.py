@@ -14,7 +14,7 @@ from laws import law
 import numpy as np
 from p4pfr_ros import DivisionCamera, Pose, solve_p4pfr, solve_p4pfr_batch
 from p4pfr_ros.core.geometry import rotation_angle_rad
-from p4pfr_ros.scenes.instances import instances, KINDS
+from p4pfr_ros.scenes.instances import draw_instances, KINDS
 import pytest
 
 seeds = st.integers(0, 2**20)
@@ -26,7 +26,7 @@ _WELL = 1e-7
 
 
 def instance(seed, kind='patch'):
-    drawn = instances(kind, 1, seed)
+    drawn = draw_instances(kind, 1, seed)
     return drawn.image_points[0], drawn.board_points[0]
 
 
@@ -119,7 +119,7 @@ def test_the_order_of_the_points_does_not_matter(seed, order):
 @pytest.mark.parametrize('kind', ['patch', 'square about its side', 'three collinear points'])
 @law(examples=40, seed=seeds)
 def test_a_lens_that_does_not_bend_has_k_zero(kind, seed):
-    drawn = instances(kind, 1, seed)
+    drawn = draw_instances(kind, 1, seed)
     points = np.einsum('ij,pj->pi', drawn.rotation[0][:, :2], drawn.board_points[0])
     points += drawn.translation[0]
     assume((points[:, 2] > 0.1).all())
@@ -175,8 +175,8 @@ def test_degenerate_points_give_solutions_or_none(image, board, px, unit):
 TWIN = """
 import json, sys
 from p4pfr_ros import solve_p4pfr_batch
-from p4pfr_ros.scenes.instances import instances
-drawn = instances(sys.argv[1], int(sys.argv[2]), 5)
+from p4pfr_ros.scenes.instances import draw_instances
+drawn = draw_instances(sys.argv[1], int(sys.argv[2]), 5)
 batch = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
 numbers = [a.ravel().view('u8').tolist() for a in (batch.focal_px, batch.k, batch.rotation)]
 print(json.dumps([batch.count.tolist(), *numbers]))
@@ -186,7 +186,7 @@ print(json.dumps([batch.count.tolist(), *numbers]))
 @pytest.mark.parametrize('kind', ['patch', 'square, tilt < 3°'])
 def test_compiled_and_interpreted_give_the_same_bits(kind):
     n = 40
-    drawn = instances(kind, n, 5)
+    drawn = draw_instances(kind, n, 5)
     batch = solve_p4pfr_batch(drawn.image_points, drawn.board_points)
     twin = subprocess.run(
         [sys.executable, '-c', TWIN, kind, str(n)],

@@ -8,7 +8,7 @@ import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose, Status
 from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
-from p4pfr_ros.scenes.single_view import view
+from p4pfr_ros.scenes.single_view import draw_view
 import pytest
 
 EYE = np.eye(5)[:, :2]
@@ -30,7 +30,7 @@ def success(estimate, drawn):
 )
 def test_outliers_are_left_out(n, outliers, least, sample):
     rng = np.random.default_rng(1)
-    views = [view(rng, n, outlier_share=outliers) for _ in range(sample(100, 4))]
+    views = [draw_view(rng, n, outlier_share=outliers) for _ in range(sample(100, 4))]
     estimates = [
         estimate_pose(v.image_points, v.board_points, image_size=IMAGE_SIZE) for v in views
     ]
@@ -40,7 +40,7 @@ def test_outliers_are_left_out(n, outliers, least, sample):
 
 
 def test_numbers_are_of_the_returned_model():
-    drawn = view(np.random.default_rng(2), 60, outlier_share=0.3)
+    drawn = draw_view(np.random.default_rng(2), 60, outlier_share=0.3)
     options = EstimateOptions(threshold_px=1.5)
     estimate = estimate_pose(
         drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE, options=options
@@ -55,7 +55,7 @@ def test_numbers_are_of_the_returned_model():
 
 
 def test_the_same_input_gives_the_same_output():
-    drawn = view(np.random.default_rng(3), 40, outlier_share=0.4)
+    drawn = draw_view(np.random.default_rng(3), 40, outlier_share=0.4)
     first, second = (
         estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
         for _ in range(2)
@@ -65,7 +65,7 @@ def test_the_same_input_gives_the_same_output():
 
 
 def test_noise_free_view_is_exact():
-    drawn = view(np.random.default_rng(4), 30, noise_px=0.0)
+    drawn = draw_view(np.random.default_rng(4), 30, noise_px=0.0)
     estimate = estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
     assert estimate.model.camera.focal_px == pytest.approx(drawn.camera.focal_px, rel=1e-9)
     assert estimate.model.camera.k == pytest.approx(drawn.camera.k, rel=1e-7)
@@ -73,7 +73,7 @@ def test_noise_free_view_is_exact():
 
 
 def test_the_centre_may_be_given():
-    drawn = view(np.random.default_rng(5), 30, noise_px=0.0)
+    drawn = draw_view(np.random.default_rng(5), 30, noise_px=0.0)
     shifted = drawn.image_points + np.array([100.0, -50.0])
     center = (drawn.camera.center_px[0] + 100.0, drawn.camera.center_px[1] - 50.0)
     estimate = estimate_pose(shifted, drawn.board_points, image_size=IMAGE_SIZE, center_px=center)
@@ -82,7 +82,7 @@ def test_the_centre_may_be_given():
 
 
 def test_the_boards_origin_may_be_anywhere():
-    drawn = view(np.random.default_rng(6), 30)
+    drawn = draw_view(np.random.default_rng(6), 30)
     here = estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
     away = estimate_pose(
         drawn.image_points, drawn.board_points + np.array([5.0, -3.0]), image_size=IMAGE_SIZE
@@ -101,7 +101,7 @@ def test_the_boards_origin_may_be_anywhere():
 
 
 def test_four_points_give_every_solution_ranked():
-    drawn = view(np.random.default_rng(7), 4, noise_px=0.0)
+    drawn = draw_view(np.random.default_rng(7), 4, noise_px=0.0)
     estimate = estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
     assert estimate.status is Status.FOUR_POINTS
     assert estimate.inliers.all()
@@ -114,7 +114,7 @@ def test_covariance_is_honest(sample):
     rng = np.random.default_rng(11)
     squares = []
     for _ in range(sample(400, 5)):
-        drawn = view(rng, 60, tilt_deg=(30.0, 60.0))
+        drawn = draw_view(rng, 60, tilt_deg=(30.0, 60.0))
         estimate = estimate_pose(
             drawn.image_points,
             drawn.board_points,
@@ -139,7 +139,7 @@ def test_a_view_from_straight_ahead_does_not_tell_the_focal_length():
 
 
 def test_a_tilted_view_tells_everything():
-    drawn = view(np.random.default_rng(14), 60, tilt_deg=(40.0, 50.0))
+    drawn = draw_view(np.random.default_rng(14), 60, tilt_deg=(40.0, 50.0))
     estimate = estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
     seen = estimate.observable
     assert seen.direction

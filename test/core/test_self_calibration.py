@@ -22,7 +22,7 @@ from p4pfr_ros import (
     Status,
     Verdict,
 )
-from p4pfr_ros.scenes.camera_views import fit_from_the_truth
+from p4pfr_ros.scenes.camera_views import fit_from_ground_truth
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
@@ -47,7 +47,9 @@ def test_errors_are_those_of_full_bundle_adjustment_from_the_truth(thirty):
         return np.abs([found[0] / camera.focal_px, np.hypot(found[1], found[2]), bend * found[3]])
 
     ours = [sizes(error(c.fused.camera, camera), camera) for camera, _, c in thirty]
-    best = [sizes(error(fit_from_the_truth(views), camera), camera) for camera, views, _ in thirty]
+    best = [
+        sizes(error(fit_from_ground_truth(views), camera), camera) for camera, views, _ in thirty
+    ]
     assert (np.median(ours, axis=0) < 1.15 * np.median(best, axis=0)).all()
 
 

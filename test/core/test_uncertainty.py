@@ -9,7 +9,7 @@ from p4pfr_ros import estimate_pose, EstimateOptions
 from p4pfr_ros.core.jit import COMPILED
 from p4pfr_ros.core.model.uncertainty import noise_variance
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
-from p4pfr_ros.scenes.single_view import view
+from p4pfr_ros.scenes.single_view import draw_view
 import pytest
 
 VIEWS = 2000
@@ -20,7 +20,7 @@ def errors_and_covariances(n, views, sigma_px=None, noise_px=0.5, known=False):
     options = EstimateOptions(sigma_px=sigma_px)
     errors, covariances = [], []
     for _ in range(views):
-        drawn = view(rng, n, noise_px=noise_px)
+        drawn = draw_view(rng, n, noise_px=noise_px)
         where = {'camera': drawn.camera} if known else {'image_size': IMAGE_SIZE}
         estimate = estimate_pose(drawn.image_points, drawn.board_points, options=options, **where)
         if not estimate.observable.undetermined:
@@ -80,7 +80,7 @@ def test_what_the_threshold_cuts_off_is_made_good(sigma_px):
 
 
 def test_the_given_noise_is_the_covariances_unit():
-    drawn = view(np.random.default_rng(1), 40)
+    drawn = draw_view(np.random.default_rng(1), 40)
     covariances = [
         estimate_pose(
             drawn.image_points,
@@ -94,7 +94,7 @@ def test_the_given_noise_is_the_covariances_unit():
 
 
 def test_four_points_have_the_default_noise():
-    drawn = view(np.random.default_rng(7), 4, noise_px=0.0)
+    drawn = draw_view(np.random.default_rng(7), 4, noise_px=0.0)
     covariances = [
         estimate_pose(
             drawn.image_points,
