@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Boards, cameras and poses that the tests of the image side look at."""
+"""Boards, cameras and poses for the tests of detection and rendering."""
 
 import numpy as np
 from p4pfr_ros.boards import Bundle, Charuco, Chessboard, Marker, MarkerGrid, PlacedMarker
@@ -47,18 +47,18 @@ HEAD_ON = Pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
 
 
 def seen_from(distance_m, tilt_rad=(0.0, 0.0), roll_rad=0.0, offset=(0.0, 0.0)):
-    """Place a board: tilted about x and y, turned in its plane, off the axis in distances."""
-    turned = Pose.from_rotation_vector((0.0, 0.0, roll_rad), np.zeros(3))
+    """Return the pose of a board: tilt about x and y, roll, offset in units of the distance."""
+    rolled = Pose.from_rotation_vector((0.0, 0.0, roll_rad), np.zeros(3))
     x, y = np.multiply(offset, distance_m)
     tilted = Pose.from_rotation_vector((*tilt_rad, 0.0), (x, y, distance_m))
-    return tilted @ turned @ HEAD_ON
+    return tilted @ rolled @ HEAD_ON
 
 
 def distance_m(camera):
-    """Return a distance from which the boards above fill about half of the picture."""
+    """Return a distance at which the boards above fill about half of the image."""
     return 0.38 * camera.focal_px / 500.0
 
 
 def project(camera, camera_from_board, board_points):
-    """Return where points (N, 2) of the board are in the picture (N, 2)."""
+    """Project points (N, 2) of the board to pixels (N, 2)."""
     return camera.project(camera_from_board.transform(np.pad(board_points, ((0, 0), (0, 1)))))

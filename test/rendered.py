@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pictures of boards of which the truth is known."""
+"""Rendered image files of boards with ground truth."""
 
 import math
 from pathlib import Path
@@ -23,7 +23,7 @@ AT_M = np.array([0.01, -0.02, 0.5])
 
 
 def write_scene(path, board_file, *, turn_rad=TURN_RAD, at_m=AT_M, size=(640, 480), seed=3):
-    """Render a board, turned from head-on, and return its true camera_from_board."""
+    """Render a board, rotated from head-on; return the true camera_from_board."""
     width, height = size
     camera = DivisionCamera(FOCAL_PX, ((width - 1) / 2, (height - 1) / 2), K)
     turn = Pose.from_rotation_vector(turn_rad, at_m)
@@ -34,18 +34,18 @@ def write_scene(path, board_file, *, turn_rad=TURN_RAD, at_m=AT_M, size=(640, 48
 
 
 def write_views(folder, count):
-    """Render the chessboard from count sides, all over the picture; return the paths."""
+    """Render count views of the chessboard, all over the image; return the paths."""
     rng = np.random.default_rng(4)
     paths = [folder / f'view{i:02}.png' for i in range(count)]
     for i, path in enumerate(paths):
-        around = 2.4 * i  # the golden angle, nearly: no two are alike
+        azimuth = 2.4 * i  # nearly the golden angle: no two views are similar
         tilt = 0.35 + 0.3 * rng.random()
-        turn_rad = (tilt * math.cos(around), tilt * math.sin(around), rng.uniform(-0.5, 0.5))
+        turn_rad = (tilt * math.cos(azimuth), tilt * math.sin(azimuth), rng.uniform(-0.5, 0.5))
         at_m = (0.08 * math.cos(1.7 * i), 0.05 * math.sin(1.7 * i), rng.uniform(0.28, 0.38))
         write_scene(path, CHESSBOARD, turn_rad=np.array(turn_rad), at_m=np.array(at_m), seed=i)
     return paths
 
 
 def write_empty(path):
-    """Write a picture of nothing."""
+    """Write an image without a board."""
     write_image(path, np.full((480, 640), 128, dtype=np.uint8))

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What OpenCV, and so image_proc, makes of our models: it is the same camera."""
+"""OpenCV, and so image_proc, undistorts with our camera models as we do."""
 
 from board_views import HEAD_ON
 import cv2
@@ -23,7 +23,7 @@ def matrix(focal_px, center_px):
 
 
 def rectifying_maps(model, rectified_focal_px):
-    """Return the raw pixel (960, 1280) of each pixel of a rectified picture, as image_proc."""
+    """Return the maps (960, 1280) from rectified to raw pixels, as image_proc computes them."""
     is_fisheye = model.distortion_model == 'equidistant'
     make = cv2.fisheye.initUndistortRectifyMap if is_fisheye else cv2.initUndistortRectifyMap
     k = matrix(model.focal_px, model.center_px)
@@ -45,25 +45,25 @@ def rectifying_maps(model, rectified_focal_px):
         (300, -0.25, 0.0, 0.0, 'equidistant', 0.02),
     ],
 )
-def test_opencv_undistorts_as_the_division_camera_does(f, k, k2, k3, kind, within_px):
-    """Each pixel of the rectified picture is looked up where the division camera sees its ray."""
+def test_opencv_undistorts_like_the_division_camera(f, k, k2, k3, kind, within_px):
+    """OpenCV maps each rectified pixel to the division camera's projection of its ray."""
     camera = DivisionCamera(f, CENTER, k, k2, k3)
     model = camera.to_camera_info_model(SIZE)
     assert model.distortion_model == kind
-    # A rectified picture so wide that the raw one's corners are in it, or 85 degrees.
+    # The rectified image contains the corners of the raw image, but at most 85 degrees.
     corner = camera.unproject([-0.5, -0.5])
     farthest = np.hypot(*corner[:2]) / corner[2] if corner[2] > 0.09 else 11.4
     focal_px = 800.0 / farthest
-    seen = np.stack(rectifying_maps(model, focal_px), axis=-1).astype(float)
+    mapped = np.stack(rectifying_maps(model, focal_px), axis=-1).astype(float)
     x, y = np.meshgrid(
         (np.arange(1280) - CENTER[0]) / focal_px, (np.arange(960) - 479.5) / focal_px
     )
     expected = camera.project(np.stack([x, y, np.ones_like(x)], axis=-1))
     inside = (np.abs(expected - CENTER) <= (640.0, 480.0)).all(axis=-1)
     assert (np.ptp(expected[inside], axis=0) > (1050.0, 950.0)).all()
-    away_px = np.linalg.norm(seen - expected, axis=-1)[inside]
-    assert away_px.max() < within_px
-    assert away_px.max() < model.residual_px + 2e-4  # single precision
+    error_px = np.linalg.norm(mapped - expected, axis=-1)[inside]
+    assert error_px.max() < within_px
+    assert error_px.max() < model.residual_px + 2e-4  # OpenCV computes in single precision
 
 
 @pytest.mark.parametrize(
@@ -80,11 +80,11 @@ def test_a_rectified_grid_has_straight_lines(f, k, distance_m, zoom):
     assert bend_px(rectified) < 0.1
 
 
-def bend_px(picture):
-    """Return how far a corner of the board is from its row's or column's straight line."""
-    found = detect(picture, BOARD)
-    assert len(found.ids) == BOARD.columns * BOARD.rows
-    grid = found.image_points[np.argsort(found.ids)].reshape(BOARD.rows, BOARD.columns, 2)
+def bend_px(image):
+    """Return the largest distance of a corner from the straight line of its row or column."""
+    detection = detect(image, BOARD)
+    assert len(detection.ids) == BOARD.columns * BOARD.rows
+    grid = detection.image_points[np.argsort(detection.ids)].reshape(BOARD.rows, BOARD.columns, 2)
     lines = [line - line.mean(axis=0) for line in (*grid, *grid.swapaxes(0, 1))]
     return max(np.abs(line @ np.linalg.svd(line)[2][1]).max() for line in lines)
 
@@ -99,7 +99,7 @@ def bend_px(picture):
     ],
 )
 def test_undistorted_points_are_projected_back_by_opencv(kind, coefficients):
-    """Ours is the way back, OpenCV's the way there."""
+    """Our unprojection inverts OpenCV's projection."""
     model = CameraInfoModel(kind, coefficients, (900.0, 905.0), (650.0, 470.0), 0.0, SIZE)
     points = np.random.default_rng(4).uniform((0, 0), SIZE, (500, 2))
     rays = model.unproject(points)

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Thirteen photographs of a real chessboard, through a real lens; P4PFR_DATA says where."""
+"""The commands on thirteen photographs of a chessboard, in the directory P4PFR_DATA."""
 
 import json
 import os
@@ -18,31 +18,34 @@ FOCAL_PX = 533.0
 CENTER_PX = (342.3, 233.9)
 
 pytestmark = pytest.mark.skipif(
-    'P4PFR_DATA' not in os.environ, reason='P4PFR_DATA does not say where the photographs are'
+    'P4PFR_DATA' not in os.environ,
+    reason='P4PFR_DATA is not set to the directory of the photographs',
 )
 
 
 @pytest.fixture
 def photos():
-    """Give the paths of the photographs, in the order of their names."""
-    found = sorted(Path(os.environ['P4PFR_DATA']).glob('left*.jpg'))
-    assert len(found) == 13
-    return list(map(str, found))
+    """Return the paths of the photographs, in the order of their names."""
+    paths = sorted(Path(os.environ['P4PFR_DATA']).glob('left*.jpg'))
+    assert len(paths) == 13
+    return list(map(str, paths))
 
 
-def test_each_photograph_gives_the_focal_length_by_itself(photos, capsys):
+def test_each_single_photograph_gives_the_focal_length(photos, capsys):
     assert main(['estimate', *photos, '--board', str(BOARD), '--json']) == 0
-    answers = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert [answer['image'] for answer in answers] == photos
-    assert [a['focal_px'] for a in answers] == pytest.approx([FOCAL_PX] * 13, rel=0.06)
-    assert max(answer['rms_px'] for answer in answers) < 0.6
-    assert all(answer['inliers'] == 54 for answer in answers)
+    estimates = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [estimate['image'] for estimate in estimates] == photos
+    assert [estimate['focal_px'] for estimate in estimates] == pytest.approx(
+        [FOCAL_PX] * 13, rel=0.06
+    )
+    assert max(estimate['rms_px'] for estimate in estimates) < 0.6
+    assert all(estimate['inliers'] == 54 for estimate in estimates)
 
 
-def test_the_photographs_calibrate_the_camera_one_after_another(photos, tmp_path, capsys):
+def test_the_photographs_calibrate_the_camera(photos, tmp_path, capsys):
     output, report = tmp_path / 'left.yaml', tmp_path / 'report.png'
-    asked = [*photos, '--board', str(BOARD), '-o', str(output), '--plot', str(report), '--json']
-    assert main(['calibrate', *asked]) == 0
+    outputs = ['-o', str(output), '--plot', str(report), '--json']
+    assert main(['calibrate', *photos, '--board', str(BOARD), *outputs]) == 0
     *views, last = map(json.loads, capsys.readouterr().out.splitlines())
     assert [view['name'] for view in views] == photos
     assert all(view['inliers'] == 54 for view in views)
@@ -54,7 +57,7 @@ def test_the_photographs_calibrate_the_camera_one_after_another(photos, tmp_path
     assert report.exists()
 
 
-def test_convergence_is_drawn_beside_what_opencv_finds(photos, tmp_path, capsys):
+def test_convergence_is_plotted_beside_the_calibration_of_opencv(photos, tmp_path, capsys):
     assert convergence.main(['--output', str(tmp_path / 'convergence.png')]) == 0
     table = capsys.readouterr().out.splitlines()
     assert [row.split()[0] for row in table[1:14]] == [Path(photo).name for photo in photos]

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fisheye lenses, which are not of our model: OpenCV's equidistant one, computed and rendered."""
+"""Calibration of fisheye lenses (OpenCV's equidistant model, not ours) from synthetic views."""
 
 import math
 
@@ -15,13 +15,17 @@ from p4pfr_ros.scenes.camera_views import board_grid, draw_camera_view
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
+# Each test fits or renders many views, and the first one may have to compile the kernels: on a busy
+# machine with two cores, that can exceed the default timeout.
+pytestmark = pytest.mark.timeout(300)
+
 BOARD = board_grid(20, 10)
 NOISE_PX = 0.3
 CORNER_PX = 800.0
 
 
 class Fisheye:
-    """OpenCV's fisheye lens: the distance in the image goes with the angle from the axis."""
+    """OpenCV's fisheye lens: image radius proportional to the angle from the axis."""
 
     def __init__(self, fov_deg, center_px=(646.0, 472.0)):
         self.half_rad = math.radians(0.5 * fov_deg)
@@ -37,8 +41,8 @@ class Fisheye:
         k = np.array([[f, 0.0, x], [0.0, f, y], [0.0, 0.0, 1.0]])
         zero = np.zeros(3)
         pixels, _ = cv2.fisheye.projectPoints(safe.reshape(-1, 1, 3), zero, zero, k, np.zeros(4))
-        seen = (angle < self.half_rad)[..., None]
-        return np.where(seen, pixels.reshape(*points.shape[:-1], 2), np.nan)
+        visible = (angle < self.half_rad)[..., None]
+        return np.where(visible, pixels.reshape(*points.shape[:-1], 2), np.nan)
 
     def unproject(self, points_px):
         """Return rays (..., 3)."""
@@ -49,13 +53,13 @@ class Fisheye:
 
 def views_of(lens, count, seed):
     rng = np.random.default_rng(seed)
-    how = {'noise_px': NOISE_PX, 'tilt_deg': (0.0, 60.0), 'distance': (0.35, 1.2)}
-    return [draw_camera_view(rng, lens, BOARD, **how) for _ in range(count)]
+    ranges = {'noise_px': NOISE_PX, 'tilt_deg': (0.0, 60.0), 'distance': (0.35, 1.2)}
+    return [draw_camera_view(rng, lens, BOARD, **ranges) for _ in range(count)]
 
 
 @pytest.mark.parametrize(('fov_deg', 'times'), [(100, 1.3), (130, 1.3), (150, 1.6)])
 @pytest.mark.parametrize('seed', [0, 1])
-def test_a_fisheye_lens_is_fitted_by_as_many_terms_as_it_wants(fov_deg, times, seed):
+def test_a_fisheye_lens_is_calibrated_with_more_lens_terms(fov_deg, times, seed):
     lens = Fisheye(fov_deg)
     calibration = SelfCalibration(IMAGE_SIZE)
     for view in views_of(lens, 18, seed):
@@ -74,18 +78,18 @@ def test_a_fisheye_lens_is_fitted_by_as_many_terms_as_it_wants(fov_deg, times, s
             options=EstimateOptions(threshold_px=50.0),
         )
         points = np.pad(view.board_points, ((0, 0), (0, 1)))
-        seen = camera.project(estimate.model.camera_from_board.transform(points))
-        squares.append(np.sum((seen - view.image_points) ** 2, axis=1))
+        projected = camera.project(estimate.model.camera_from_board.transform(points))
+        squares.append(np.sum((projected - view.image_points) ** 2, axis=1))
     assert np.sqrt(np.mean(squares)) < times * math.sqrt(2.0) * NOISE_PX
 
 
 @pytest.mark.parametrize('fov_deg', [100, 130, 150])
-def test_rendered_images_through_a_fisheye_lens_calibrate_it(fov_deg):
+def test_rendered_images_calibrate_a_fisheye_lens(fov_deg):
     lens = Fisheye(fov_deg)
     board = Chessboard(columns=9, rows=6, square_m=0.1)
     renderer = Renderer(lens, IMAGE_SIZE)
     calibration = SelfCalibration(IMAGE_SIZE)
-    # The camera looks at the whole sheet.
+    # The whole sheet is inside the image.
     half = 0.5 * np.array(board.sheet_size_m)
     sheet = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [0, 0]])
     rng = np.random.default_rng(0)
