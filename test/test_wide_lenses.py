@@ -15,8 +15,8 @@ from p4pfr_ros.scenes.camera_views import board_grid, draw_camera_view
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
-# Each test fits or renders many views, and the first one may have to compile the kernels: on a busy
-# machine with two cores, that can exceed the default timeout.
+# Each test fits or renders many views, and the first one may have to compile the kernels: on a
+# busy machine with two cores, that can exceed the default timeout.
 pytestmark = pytest.mark.timeout(300)
 
 BOARD = board_grid(20, 10)
