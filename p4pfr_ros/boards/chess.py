@@ -4,7 +4,7 @@
 """
 Boards with black squares: the chessboard and the ChArUco board.
 
-This file stands alone: it has all boards whose points are corners between squares.
+This module stands alone: it has all boards whose points are corners between squares.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ class Chessboard:
     def black_squares(self) -> Array:
         """The black squares, (N, 4): left, bottom, right, top in metres."""
         return checkerboard_squares(
-            self.columns + 1, self.rows + 1, self.square_m, black_first=True
+            self.columns + 1, self.rows + 1, self.square_m, with_first=True
         )
 
     @property
@@ -162,7 +162,7 @@ class Charuco:
     def black_squares(self) -> Array:
         """The black squares, (N, 4): left, bottom, right, top in metres."""
         return checkerboard_squares(
-            self.columns, self.rows, self.square_m, black_first=self._black_first
+            self.columns, self.rows, self.square_m, with_first=self._black_first
         )
 
     @property
@@ -174,7 +174,7 @@ class Charuco:
     def marker_corners(self) -> Array:
         """The corners of each marker, (M, 4, 2) metres, clockwise from the top left."""
         white = checkerboard_squares(
-            self.columns, self.rows, self.square_m, black_first=not self._black_first
+            self.columns, self.rows, self.square_m, with_first=not self._black_first
         )
         centres = 0.5 * (white[:, :2] + white[:, 2:])
         return marker_corners_at(centres, self.marker_m)

@@ -47,7 +47,7 @@ class Convention:
     ours_from_theirs: Pose
 
 
-_SAME = Pose(np.eye(3), np.zeros(3))
+_IDENTITY = Pose(np.eye(3), np.zeros(3))
 # x still points right; y points down and z into the marker.
 _HALF_TURN_ABOUT_X = Pose(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
 
@@ -57,11 +57,11 @@ _BOTTOM_LEFT_Y_UP = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
 _BOTTOM_LEFT_Y_DOWN = ((-0.5, 0.5), (0.5, 0.5), (0.5, -0.5), (-0.5, -0.5))
 
 CONVENTIONS: dict[str, Convention] = {
-    'p4pfr_ros': Convention('aruco_cw_from_top_left', _TOP_LEFT_Y_UP, _SAME),
-    'OpenCV aruco': Convention('aruco_cw_from_top_left', _TOP_LEFT_Y_UP, _SAME),
-    'aruco_ros': Convention('aruco_cw_from_top_left', _TOP_LEFT_Y_UP, _SAME),
-    'ros2_aruco': Convention('aruco_cw_from_top_left', _TOP_LEFT_Y_UP, _SAME),
-    'apriltag_ros': Convention('apriltag_ccw_from_bottom_left', _BOTTOM_LEFT_Y_UP, _SAME),
+    'p4pfr_ros': Convention('aruco_cw_from_top_left', _TOP_LEFT_Y_UP, _IDENTITY),
+    'OpenCV aruco': Convention('aruco_cw_from_top_left', _TOP_LEFT_Y_UP, _IDENTITY),
+    'aruco_ros': Convention('aruco_cw_from_top_left', _TOP_LEFT_Y_UP, _IDENTITY),
+    'ros2_aruco': Convention('aruco_cw_from_top_left', _TOP_LEFT_Y_UP, _IDENTITY),
+    'apriltag_ros': Convention('apriltag_ccw_from_bottom_left', _BOTTOM_LEFT_Y_UP, _IDENTITY),
     'AprilTag 3': Convention(
         'apriltag_ccw_from_bottom_left', _BOTTOM_LEFT_Y_DOWN, _HALF_TURN_ABOUT_X
     ),

@@ -4,7 +4,7 @@
 """
 Boards made of markers only: a single marker, a grid, and a bundle.
 
-This file stands alone: it has all boards whose points are marker corners.
+This module stands alone: it has all boards whose points are marker corners.
 """
 
 from __future__ import annotations

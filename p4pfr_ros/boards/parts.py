@@ -20,21 +20,21 @@ _DICTIONARY_SIZE = re.compile(r'(?<=\dX\d)_\d+$')
 
 
 def grid_points(columns: int, rows: int, step_m: float) -> Array:
-    """Return (rows * columns, 2) points around the origin, row by row from the top left."""
+    """Return points (rows * columns, 2) centred on the origin, row by row from the top left."""
     x = (np.arange(columns) - 0.5 * (columns - 1)) * step_m
     y = (0.5 * (rows - 1) - np.arange(rows)) * step_m
     grid: Array = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     return grid
 
 
-def checkerboard_squares(columns: int, rows: int, side_m: float, *, black_first: bool) -> Array:
+def checkerboard_squares(columns: int, rows: int, side_m: float, *, with_first: bool) -> Array:
     """
-    Return the black squares, (N, 4): left, bottom, right, top.
+    Return every second square of a checkerboard, (N, 4): left, bottom, right, top.
 
-    black_first: whether the square at the top left is one of them.
+    with_first: whether the square at the top left is one of them.
     """
     column, row = np.meshgrid(np.arange(columns), np.arange(rows))
-    chosen = ((column + row) % 2 == 0).ravel() == black_first
+    chosen = ((column + row) % 2 == 0).ravel() == with_first
     centres = grid_points(columns, rows, side_m)[chosen]
     return np.concatenate([centres - 0.5 * side_m, centres + 0.5 * side_m], axis=1)
 
@@ -105,10 +105,10 @@ def check_id(board: Any, key: str) -> None:
 
 def check_dictionary(board: Any) -> None:
     """Raise ValueError unless the name has the form of a dictionary name."""
-    # detection/aruco.py checks that OpenCV has it; this room does not import OpenCV.
+    # detection/aruco.py checks that OpenCV has it; this package does not import OpenCV.
     if not isinstance(board.dictionary, str) or not board.dictionary.startswith('DICT_'):
         raise ValueError(
-            f"dictionary: expected OpenCV's name of a dictionary, such as 'DICT_4X4_50', "
+            f"dictionary: expected the name of an OpenCV dictionary, such as 'DICT_4X4_50', "
             f'got {board.dictionary!r}'
         )
 

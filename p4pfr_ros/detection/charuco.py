@@ -8,7 +8,7 @@ Each corner touches two markers. Each of them predicts the corner by its own hom
 distance so short that lens distortion is negligible. OpenCV's interpolation is not used: it
 differs between versions and drops corners under strong distortion.
 
-Stands alone, as does each finder of a family of boards.
+This module stands alone, as each finder of a family of boards does.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 """
 Detection of chessboards: OpenCV finds the corners, which are then ordered as printed and refined.
 
-Stands alone, as does each finder of a family of boards.
+This module stands alone, as each finder of a family of boards does.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 """
 ``detect``: find the points of any board in an image.
 
-This file stands alone: it holds the public function, above one finder per family of boards.
+This module stands alone: it holds the public function, above one finder per family of boards.
 """
 
 from __future__ import annotations

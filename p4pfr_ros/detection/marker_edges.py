@@ -9,7 +9,7 @@ long. In a strip along an edge the image is modelled as  a + b tanh(s e),  where
 to a parabola (a cubic for long edges), because a lens bends the edge; a marker's corner is the
 intersection of two such curves.
 
-Stands alone: it is numerics, without OpenCV and boards, and has tests of its own.
+This module stands alone: it is numerics, without OpenCV and boards, and has tests of its own.
 """
 
 from __future__ import annotations

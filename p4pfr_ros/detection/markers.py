@@ -4,7 +4,7 @@
 """
 Detection of boards made of markers: single markers, grids and bundles.
 
-Stands alone, as does each finder of a family of boards.
+This module stands alone, as each finder of a family of boards does.
 """
 
 from __future__ import annotations

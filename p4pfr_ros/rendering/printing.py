@@ -4,7 +4,7 @@
 """
 Printable boards: PDF or PNG files that print to scale.
 
-Stands alone: only this part of the room needs matplotlib.
+This module stands alone: of this package, only printing needs matplotlib.
 """
 
 from __future__ import annotations

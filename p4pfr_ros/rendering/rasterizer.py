@@ -4,7 +4,7 @@
 """
 Exact area coverage of polygons: the mean over each pixel, without sampling.
 
-Stands alone: it is a compiled kernel, independent of cameras and boards.
+This module stands alone: it is a compiled kernel, independent of cameras and boards.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@
 """
 Images of a board through a camera, with exact area coverage of each pixel.
 
-Stands alone: it holds the public functions, above the shapes to draw (``pattern``) and their
-coverage (``rasterizer``).
+This module stands alone: it holds the public functions; ``pattern`` has the shapes to draw and
+``rasterizer`` their pixel coverage.
 """
 
 from __future__ import annotations

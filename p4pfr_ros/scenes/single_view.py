@@ -4,7 +4,7 @@
 """
 One synthetic view of a random camera, with noise, outliers and ground truth.
 
-Stands alone: a single view needs no calibration code, which ``camera_views`` imports.
+This module stands alone: a single view needs no calibration code, which ``camera_views`` imports.
 """
 
 from __future__ import annotations

@@ -156,7 +156,7 @@ INVALID = [
     (PlacedMarker, {'y_m': '1'}, "y_m: expected a finite number, got '1'"),
     (PlacedMarker, {'angle_deg': float('inf')}, 'angle_deg: expected a finite number, got inf'),
     (Marker, {'id': -1}, 'id: expected an integer of at least 0'),
-    (Marker, {'dictionary': 4}, 'dictionary: expected OpenCV'),
+    (Marker, {'dictionary': 4}, 'dictionary: expected the name of an OpenCV dictionary'),
     (Marker, {'size_m': 0}, 'size_m: expected a length > 0'),
     (MarkerGrid, {'separation_m': 0.0}, 'separation_m: expected a length > 0'),
     (MarkerGrid, {'first_id': 1.5}, 'first_id: expected an integer'),

@@ -43,10 +43,10 @@ def cover(image, camera, pose, corners):
 def test_a_bundle_is_detected_by_any_of_its_markers():
     camera, pose = CAMERAS['strong'], seen_from(0.4, (0.3, -0.2))
     image = render(BUNDLE, camera, pose, SIZE, **REAL_LENS)
-    for place in (0, 2, 3):
-        cover(image, camera, pose, BUNDLE.marker_corners[place])
+    for index in (0, 2, 3):
+        cover(image, camera, pose, BUNDLE.marker_corners[index])
         detection = detect(image, BUNDLE)
-        assert place not in detection.ids // 4
+        assert index not in detection.ids // 4
         truth = project(camera, pose, BUNDLE.points[detection.ids])
         np.testing.assert_array_equal(detection.board_points, BUNDLE.points[detection.ids])
         assert np.linalg.norm(detection.image_points - truth, axis=1).max() < 0.3
