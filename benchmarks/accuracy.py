@@ -13,7 +13,7 @@ import numpy as np
 from p4pfr_ros import solve_p4pfr_batch
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.core.minimal.solver import SolutionBatch
-from p4pfr_ros.scenes.instances import IMAGE_SIZE, Instances, draw_instances, KINDS
+from p4pfr_ros.scenes.instances import draw_instances, IMAGE_SIZE, Instances, KINDS
 
 _CHUNK = 20_000
 

@@ -19,7 +19,12 @@ import cv2
 import numpy as np
 from p4pfr_ros import DivisionCamera, SelfCalibration, Verdict
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.scenes.camera_views import draw_camera_view, draw_camera, fit_from_ground_truth, board_grid
+from p4pfr_ros.scenes.camera_views import (
+    board_grid,
+    draw_camera,
+    draw_camera_view,
+    fit_from_ground_truth,
+)
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import SyntheticView
 from rich.progress import track
@@ -58,7 +63,9 @@ def _errors_table(cameras: int) -> Measured:
     for seed in track(range(cameras), 'cameras', transient=True):
         rng = np.random.default_rng(seed)
         camera = draw_camera(rng)
-        views = [draw_camera_view(rng, camera, board_grid(6, 4), outlier_share=0.1) for _ in range(30)]
+        views = [
+            draw_camera_view(rng, camera, board_grid(6, 4), outlier_share=0.1) for _ in range(30)
+        ]
         calibration = SelfCalibration(IMAGE_SIZE)
         for view in views:
             calibration.update(view.image_points, view.board_points)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, SelfCalibration
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
-from p4pfr_ros.scenes.camera_views import draw_camera_view, board_grid
+from p4pfr_ros.scenes.camera_views import board_grid, draw_camera_view
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import SyntheticView
 
@@ -72,7 +72,8 @@ def _calibrate(fov_deg: float, seed: int) -> tuple[int, float, float]:
 def _views(rng: np.random.Generator, lens: Any, count: int) -> list[SyntheticView]:
     options: dict[str, Any] = {'tilt_deg': (0.0, 60.0), 'distance': (0.35, 1.2)}
     return [
-        draw_camera_view(rng, lens, board_grid(20, 10), noise_px=_NOISE_PX, **options) for _ in range(count)
+        draw_camera_view(rng, lens, board_grid(20, 10), noise_px=_NOISE_PX, **options)
+        for _ in range(count)
     ]
 
 

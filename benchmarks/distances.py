@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 import numpy as np
-from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.core.minimal.solution import G, H, TRANSLATION
+from p4pfr_ros.core.geometry import Array, TRANSLATION
+from p4pfr_ros.core.minimal.solution import G, H
 
 from .standard_normal import Solved
 

@@ -13,7 +13,7 @@ import numpy as np
 from p4pfr_ros import estimate_pose, Pose
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
-from p4pfr_ros.scenes.single_view import SyntheticView, draw_view
+from p4pfr_ros.scenes.single_view import draw_view, SyntheticView
 
 # The calls to time, by name; each list is repeated in order.
 Calls = dict[str, list[Callable[[], object]]]

@@ -11,12 +11,12 @@ import time
 
 import numpy as np
 from p4pfr_ros import estimate_pose, PoseEstimate, Solution
-from p4pfr_ros.core.geometry import Array, rotation_angle_rad
-from p4pfr_ros.core.minimal.solution import G, H, ROW_SIZE, solution_from_row, TRANSLATION
+from p4pfr_ros.core.geometry import Array, rotation_angle_rad, TRANSLATION
+from p4pfr_ros.core.minimal.solution import G, H, ROW_SIZE, solution_from_row
 from p4pfr_ros.core.one_view.free_camera import Gates
 from p4pfr_ros.core.one_view.least_squares import free_problem, least_squares_work, minimise
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
-from p4pfr_ros.scenes.single_view import SyntheticView, draw_view
+from p4pfr_ros.scenes.single_view import draw_view, SyntheticView
 
 _ANY_CAMERA = Gates(800.0, 0.0, math.pi, math.inf)
 _STEPS = 200
@@ -63,7 +63,9 @@ class Cell:
 def measure_cell(n_points: int, outlier_percent: int, scenes: int) -> Cell:
     """Draw the scenes of a cell and estimate each of them."""
     rng = np.random.default_rng([n_points, outlier_percent])
-    views = [draw_view(rng, n_points, outlier_share=outlier_percent / 100.0) for _ in range(scenes)]
+    views = [
+        draw_view(rng, n_points, outlier_share=outlier_percent / 100.0) for _ in range(scenes)
+    ]
     timed = [_timed(v) for v in views]
     return Cell(
         n_points,

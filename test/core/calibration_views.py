@@ -6,13 +6,8 @@
 import numpy as np
 from p4pfr_ros import SelfCalibration
 from p4pfr_ros.core.jit import COMPILED
-<<<<<<< HEAD
 from p4pfr_ros.core.model.lens import lens_from_camera
-from p4pfr_ros.scenes.camera_views import camera_view, drawn_camera, grid
-=======
-from p4pfr_ros.core.model.calibration_view import lens_of
 from p4pfr_ros.scenes.camera_views import board_grid, draw_camera, draw_camera_view
->>>>>>> f231af6 (Give the synthetic scenes one vocabulary: functions that draw, and a SyntheticView)
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 

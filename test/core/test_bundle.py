@@ -16,12 +16,8 @@ from p4pfr_ros.core.many_views.bundle_adjustment import (
     truncated_cost,
 )
 from p4pfr_ros.core.model.lens import COLUMNS, LENS_SIZE, linearise, RESIDUAL, squared_error
-<<<<<<< HEAD
 from p4pfr_ros.core.model.prior import WeightedPrior
-from p4pfr_ros.scenes.camera_views import camera_view, grid
-=======
 from p4pfr_ros.scenes.camera_views import board_grid, draw_camera_view
->>>>>>> f231af6 (Give the synthetic scenes one vocabulary: functions that draw, and a SyntheticView)
 import pytest
 
 LENSES = {

@@ -5,8 +5,9 @@
 
 import numpy as np
 from p4pfr_ros import DivisionCamera, Pose
+from p4pfr_ros.core.geometry import TRANSLATION
 from p4pfr_ros.core.linalg import rotate
-from p4pfr_ros.core.minimal.solution import G, H, ROW_SIZE, TRANSLATION
+from p4pfr_ros.core.minimal.solution import G, H, ROW_SIZE
 from p4pfr_ros.core.one_view.free_camera import Gates
 from p4pfr_ros.core.one_view.least_squares import (
     free_problem,
