@@ -8,7 +8,7 @@ import warnings
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions
+from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Status
 from p4pfr_ros.core.jit import COMPILED
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import draw_view
@@ -52,24 +52,68 @@ def test_anything_is_answered_or_named(image, board, how):
         assert estimate.model.camera.focal_px > 0.0
 
 
-@pytest.mark.parametrize('how', HOWS, ids=['free', 'known'])
-@pytest.mark.parametrize('n', [4, 5, 30])
-def test_degenerate_points_have_no_pose_or_an_honest_one(n, how):
-    rng = np.random.default_rng(n)
-    spread, line = rng.uniform(0.0, 900.0, (n, 2)), np.arange(n)[:, None] * [1.0, 2.0]
-    spot = np.tile([3.0, 4.0], (n, 1))
-    twice = np.repeat(rng.uniform(0.0, 900.0, ((n + 1) // 2, 2)), 2, axis=0)[:n]
-    for image, board in [
-        (spread, line),
-        (spread, spot),
-        (line, spread),
-        (spot, spread),
-        (spot, spot),
-        (twice, twice / 1000.0),
-    ]:
-        estimate = estimate_pose(image, board, options=SHORT, **how)
-        if estimate.model is None:
-            assert np.isnan(estimate.covariance).all()
+def scattered(n, points=None):
+    """Draw n points of the image, or repeat fewer ones."""
+    drawn = np.random.default_rng(n).uniform(0.0, 900.0, (points or n, 2))
+    return np.repeat(drawn, -(-n // len(drawn)), axis=0)[:n]
+
+
+def on_a_line(n):
+    return np.arange(n)[:, None] * [1.0, 2.0]
+
+
+def on_a_spot(n):
+    return np.tile([3.0, 4.0], (n, 1))
+
+
+over_hows = pytest.mark.parametrize('how', HOWS, ids=['free', 'known'])
+over_counts = pytest.mark.parametrize('n', [4, 5, 30])
+
+
+@over_hows
+@over_counts
+@pytest.mark.parametrize('board', [on_a_line, on_a_spot])
+@pytest.mark.parametrize('image', [scattered, on_a_line, on_a_spot])
+def test_a_degenerate_board_is_collinear(image, board, n, how):
+    estimate = estimate_pose(image(n), board(n), options=SHORT, **how)
+    assert estimate.status is Status.COLLINEAR
+    assert estimate.model is None
+    assert np.isnan(estimate.covariance).all()
+    assert not estimate.inliers.any()
+
+
+@over_hows
+@over_counts
+def test_an_image_of_one_spot_has_no_pose(n, how):
+    estimate = estimate_pose(on_a_spot(n), scattered(n), options=SHORT, **how)
+    assert estimate.model is None
+    assert np.isnan(estimate.covariance).all()
+
+
+@over_hows
+@over_counts
+def test_an_image_on_a_line_has_no_pose_or_an_uncertain_one(n, how):
+    """A board seen edge-on: the distance of a pose, if any, is uncertain by several percent."""
+    estimate = estimate_pose(on_a_line(n), scattered(n), options=SHORT, **how)
+    if estimate.model is None:
+        assert np.isnan(estimate.covariance).all()
+    else:
+        assert not estimate.distance_sigma < 0.05 * estimate.model.camera_from_board.distance
+        assert 'camera' in how or not estimate.observable.focal
+
+
+@pytest.mark.parametrize('n', [5, 30])
+def test_repeated_points_count_once(n):
+    """Half as many distinct points, seen from straight ahead: no focal length, no distance."""
+    image = scattered(n, (n + 1) // 2)
+    estimate = estimate_pose(image, image / 1000.0, options=SHORT, image_size=IMAGE_SIZE)
+    if n == 5:  # three distinct points
+        assert estimate.model is None
+        return
+    assert estimate.inliers.all()
+    assert {'distance', 'focal'} <= set(estimate.observable.undetermined)
+    facing = 180.0 - estimate.model.camera_from_board.tilt_deg
+    assert facing == pytest.approx(0.0, abs=0.1)  # y up on the board, down in the image: its back
 
 
 @pytest.mark.parametrize('how', HOWS, ids=['free', 'known'])

@@ -6,7 +6,6 @@
 from errors import deviation
 import numpy as np
 from p4pfr_ros import estimate_pose, EstimateOptions
-from p4pfr_ros.core.jit import COMPILED
 from p4pfr_ros.core.model.uncertainty import noise_variance
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import draw_view
@@ -35,39 +34,37 @@ def normalised(errors, covariances):
     return np.einsum('ni,ni->n', errors, solved)
 
 
+def assert_mean(squares, freedom, rel):
+    """Compare the mean of χ² values with its expectation: a few of them may be far from it."""
+    five_sigma = 5.0 * np.sqrt(2.0 * freedom / len(squares))
+    assert squares.mean() == pytest.approx(freedom, abs=max(rel * freedom, five_sigma))
+
+
 @pytest.mark.parametrize('n', [24, 100])
 @pytest.mark.parametrize('sigma_px', [None, 0.5], ids=['measured', 'given'])
 def test_normalised_errors_and_intervals_are_as_promised(n, sigma_px, sample):
     errors, covariances = errors_and_covariances(n, sample(VIEWS, 3), sigma_px)
     assert len(errors) >= 0.99 * sample(VIEWS, 3)
-    squares = np.einsum(
-        'ni,ni->n', errors, np.linalg.solve(covariances, errors[..., None])[..., 0]
-    )
+    squares = normalised(errors, covariances)
     inside = np.abs(errors) < 1.96 * np.sqrt(np.einsum('nii->ni', covariances))
-    if COMPILED:
-        assert squares.mean() == pytest.approx(8.0, rel=0.1)
-        assert (inside.mean(axis=0) > 0.93).all()
-        assert (inside.mean(axis=0) < 0.97).all()
+    assert_mean(squares, 8.0, rel=0.1)
+    # 95 % within 2 % of many views; of few ones (interpreted) most.
+    tolerance = max(0.02, 5.0 * np.sqrt(0.95 * 0.05 / len(errors)))
+    np.testing.assert_allclose(inside.mean(axis=0), 0.95, atol=tolerance)
 
 
 def test_a_known_cameras_pose_keeps_its_word_too(sample):
     errors, covariances = errors_and_covariances(24, sample(VIEWS, 3), known=True)
     errors, covariances = errors[:, :6], covariances[:, :6, :6]
-    squares = np.einsum(
-        'ni,ni->n', errors, np.linalg.solve(covariances, errors[..., None])[..., 0]
-    )
-    if COMPILED:
-        assert squares.mean() == pytest.approx(6.0, rel=0.1)
+    squares = normalised(errors, covariances)
+    assert_mean(squares, 6.0, rel=0.1)
 
 
 def test_noise_near_the_threshold_is_measured_in_spite_of_it(sample):
     # 0.9 px with a threshold of 2 px: eight in a hundred errors are cut off.
     errors, covariances = errors_and_covariances(100, sample(400, 3), noise_px=0.9)
-    squares = np.einsum(
-        'ni,ni->n', errors, np.linalg.solve(covariances, errors[..., None])[..., 0]
-    )
-    if COMPILED:
-        assert squares.mean() == pytest.approx(8.0, rel=0.15)
+    squares = normalised(errors, covariances)
+    assert_mean(squares, 8.0, rel=0.15)
 
 
 @pytest.mark.parametrize('sigma_px', [0.1, 0.5, 1.0])

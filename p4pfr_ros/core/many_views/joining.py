@@ -1,7 +1,12 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Fits with a new view: of all views together if they agree, or of a camera that has changed."""
+"""
+Fits with a new view: of all views together if they agree, or of a camera that has changed.
+
+This module stands alone because it has no state: ``SelfCalibration`` holds the camera and decides,
+these functions compute what the camera would be.
+"""
 
 from __future__ import annotations
 

@@ -7,6 +7,8 @@ The number of terms of the division polynomial that the data require.
 Rao's score test needs no fit: at the optimum of one order the gradient by the next term, after the
 free terms have adapted to it, is normal with the variance of the information matrix if that term
 is zero in truth. Its square over that variance is χ² with one degree of freedom.
+
+This module stands alone because freeing and fixing a term are one test and must stay side by side.
 """
 
 from __future__ import annotations
