@@ -1,16 +1,21 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Small linear algebra for the kernels: elimination, information matrices, rotations."""
+"""Small algebra: elimination, information matrices and rotations in kernels; polynomial roots."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from numpy.polynomial import polynomial as poly
 
 from .geometry import Array
 from .jit import jit, kernel
+
+# A pair of roots this close to the real axis means a slope that all but vanishes.
+_NEARLY_REAL = 1e-7
+_NEGLIGIBLE = 1e-60
 
 # Added to the diagonal of an information matrix that is scaled to ones there, so that it can be
 # inverted whatever it lacks. Rounding of the scaled matrix is some 1e-15; information of that size
@@ -107,3 +112,13 @@ def rotate(rotation: Array, wx: float, wy: float, wz: float, out: Array) -> None
         out[j] = a + s * tx + y * tz - z * ty
         out[3 + j] = b + s * ty + z * tx - x * tz
         out[6 + j] = c + s * tz + x * ty - y * tx
+
+
+def smallest_positive_root(polynomial: Array) -> float:
+    """Return it, of ascending coefficients; infinite if there is none, 0 if one is not finite."""
+    if not np.isfinite(polynomial).all():
+        return 0.0
+    size = np.abs(polynomial)
+    roots = poly.polyroots(poly.polytrim(np.where(size > _NEGLIGIBLE * size.max(), polynomial, 0)))
+    real = roots.real[(np.abs(roots.imag) <= _NEARLY_REAL * np.abs(roots)) & (roots.real > 0.0)]
+    return float(real.min()) if real.size else math.inf

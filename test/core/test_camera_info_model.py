@@ -13,8 +13,8 @@ from numpy.polynomial import polynomial as poly
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.cameras.closest_division import division_camera_from_model
-from p4pfr_ros.core.cameras.convert import closed_form
-from p4pfr_ros.core.cameras.ray_polynomial import smallest_positive_root
+from p4pfr_ros.core.cameras.division import closed_form
+from p4pfr_ros.core.linalg import smallest_positive_root
 import pytest
 
 over_models = pytest.mark.parametrize('model', MODELS.values(), ids=MODELS)

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.polynomial import polynomial as poly
 from numpy.typing import ArrayLike
 
-from .ray_polynomial import smallest_positive_root
 from ..geometry import Array, as_points
+from ..linalg import smallest_positive_root
 
 # Number of coefficients of each model. A plumb_bob of four is one of five with k3 = 0.
 COEFFICIENTS = {'plumb_bob': 5, 'rational_polynomial': 8, 'equidistant': 4}

@@ -4,8 +4,8 @@
 """
 CameraInfo to division model: the division camera closest to one calibrated in another model.
 
-This module stands alone because DivisionCamera itself converts the other way: one file for both
-would import itself.
+This module stands alone because DivisionCamera converts the other way: in one file with
+CameraInfoModel the two would import each other.
 """
 
 from __future__ import annotations

@@ -1,7 +1,13 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``DivisionCamera``: the division model of a lens with radial distortion, one to three terms."""
+"""
+``DivisionCamera``: the division model of a lens with radial distortion, one to three terms.
+
+The pixel at the distance r from the centre (in focal lengths) sees the ray (r, w) in the plane of
+the optical axis, with  w(r²) = 1 + k r² + k2 r⁴ + k3 r⁶.  Below the class stand that polynomial,
+the projection, and the conversion to the closest model of CameraInfo.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +17,28 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .camera_info import CameraInfoModel
-from .convert import fit_camera_info_model
-from .ray_polynomial import fold_radius, ray_depth, Terms
+from .camera_info import CameraInfoModel, corner_radius_px, lens_map
 from ..geometry import Array, as_points
+from ..linalg import smallest_positive_root
+
+# k, k2, k3.
+Terms = tuple[float, float, float]
 
 # The projection by two or three terms has no closed form: a table, then Newton's steps.
 _TABLE_SIZE = 1024
 _NEWTON_STEPS = 4
+
+# With a larger residual, px, the equidistant model is tried too.
+_GOOD_ENOUGH_PX = 0.1
+_SAMPLES = 300
+_MEASURED = 4000  # radii at which the residual is measured
+# Least Z over the distance to the axis: rays closer to 90 degrees reach no plane in front.
+_SIDEWAYS = 0.01
+
+_MAX_STEPS = 60
+_EXACT_PX = 1e-6  # far below any image's noise: the fit stops
+_STILL_FALLING = 1e-3  # of the cost, for another step to be worth it
+_START_DAMPING, _MAX_DAMPING = 1e-3, 1e6
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -103,7 +123,7 @@ class DivisionCamera:
     def unproject(self, points_px: ArrayLike) -> Array:
         """Return the rays (..., 3) that pixels (..., 2) see: not unit, in the optical frame."""
         d = (np.asarray(points_px, dtype=np.float64) - self.center_px) / self.focal_px
-        depth = ray_depth(np.sum(d**2, axis=-1, keepdims=True), self.terms)
+        depth = _ray_depth(np.sum(d**2, axis=-1, keepdims=True), self.terms)
         return np.concatenate([d, depth], axis=-1)
 
     def project(self, points_in_camera: ArrayLike) -> Array:
@@ -130,7 +150,7 @@ class DivisionCamera:
         otherwise rational_polynomial or equidistant, whichever is closer. residual_px of the
         result is its largest error. Pixels beyond the fold of a lens with k > 0 are excluded.
         """
-        return fit_camera_info_model(self.focal_px, self.center_px, self.terms, image_size)
+        return _fit_camera_info_model(self, image_size)
 
     def _wide_scale(self, rho: Array, z: Array) -> Array:
         """Return |d| / ρ of points at the distance ρ from the axis and the depth z."""
@@ -140,7 +160,7 @@ class DivisionCamera:
         # Newton on  r z - ρ w(r) = 0,  w = 1 + k r² + k2 r⁴ + k3 r⁶, from the table's start.
         for _ in range(_NEWTON_STEPS):
             r2 = r**2
-            w = ray_depth(r2, self.terms)
+            w = _ray_depth(r2, self.terms)
             slope = 2.0 * self.k + r2 * (4.0 * self.k2 + r2 * 6.0 * self.k3)
             r = r - (r * z - rho * w) / (z - rho * r * slope)
         with np.errstate(divide='ignore', invalid='ignore'):
@@ -149,12 +169,12 @@ class DivisionCamera:
 
     def _angle_table(self) -> tuple[Array, Array]:
         """Sample the angle to the axis over |d|, out to the fold."""
-        edge = fold_radius(self.terms)
+        edge = _fold_radius(self.terms)
         # r = s / (1 - s) reaches from the axis to infinity.
         last = edge / (1.0 + edge) if math.isfinite(edge) else 1.0 - 1e-6
         s = np.linspace(0.0, last, _TABLE_SIZE)
         radii = s / (1.0 - s)
-        return radii, np.arctan2(radii, ray_depth(radii**2, self.terms))
+        return radii, np.arctan2(radii, _ray_depth(radii**2, self.terms))
 
 
 def _closed_form_scale(k: float, rho2: Array, z: Array) -> Array:
@@ -166,3 +186,137 @@ def _closed_form_scale(k: float, rho2: Array, z: Array) -> Array:
         s = np.where(z < 0.0, (z - root) / (2.0 * k * rho2), 2.0 / (z + root))
         scale: Array = np.where(np.isfinite(s) & (s > 0.0), s, np.nan)
     return scale
+
+
+def _ray_depth(r2: Array, terms: Terms) -> Array:
+    """Return w at squared radii, any shape."""
+    k, k2, k3 = terms
+    depth: Array = 1.0 + r2 * (k + r2 * (k2 + r2 * k3))
+    return depth
+
+
+def _fold_radius(terms: Terms) -> float:
+    """Return the radius up to which the rays turn outwards; infinite if they do everywhere."""
+    k, k2, k3 = terms
+    # The angle atan2(r, w) grows with r while  w - r w' = 1 - k r² - 3 k2 r⁴ - 5 k3 r⁶ > 0.
+    return math.sqrt(smallest_positive_root(np.array([1.0, -k, -3.0 * k2, -5.0 * k3])))
+
+
+def _fit_camera_info_model(camera: DivisionCamera, image_size: tuple[int, int]) -> CameraInfoModel:
+    """
+    Return the CameraInfo model closest to a division camera.
+
+    With the optical axis in the centre, a lens is one function of one number: the radius r of a
+    pixel over the undistorted radius ρ, or over the angle θ, of its ray. Both fits minimise pixels
+    over the rays out to the image's corners. docs/derivation.md has the closed form.
+    """
+    rays = _VisibleRays.of(camera, image_size)
+    # Dense at the rim like Chebyshev nodes, which nearly minimises the largest residual.
+    r = rays.end * np.sin(0.5 * np.pi * (np.arange(_SAMPLES) + 0.5) / _SAMPLES)
+    depth = rays.depth(r)
+    models = []
+    if (depth > _SIDEWAYS * r).all():
+        rational = _fit_rational(camera.k, r, r / depth, camera.focal_px)
+        models.append(rays.measured('rational_polynomial', rational))
+    if not models or not models[0].residual_px <= _GOOD_ENOUGH_PX:
+        models.append(_fit_equidistant(rays, r, np.arctan2(r, depth)))
+    return min(models, key=lambda model: model.residual_px)
+
+
+def closed_form(k: float) -> tuple[float, ...]:
+    """Return D of the rational_polynomial that agrees with r(ρ) up to the order ρ¹³."""
+    return (-5.0 * k, 6.0 * k**2, 0.0, 0.0, -(k**3), -6.0 * k, 10.0 * k**2, -4.0 * k**3)
+
+
+@dataclass(frozen=True, slots=True)
+class _VisibleRays:
+    """
+    The rays (r, depth(r)) of a division camera in the plane of the axis, for r ≤ end.
+
+    end is the radius of the image's farthest corner, or of the fold if that is smaller.
+    """
+
+    camera: DivisionCamera
+    image_size: tuple[int, int]
+    end: float
+
+    @classmethod
+    def of(cls, camera: DivisionCamera, image_size: tuple[int, int]) -> _VisibleRays:
+        corner = corner_radius_px(image_size, camera.center_px) / camera.focal_px
+        return cls(camera, image_size, min(corner, _fold_radius(camera.terms)))
+
+    def depth(self, r: Array) -> Array:
+        return _ray_depth(r**2, self.camera.terms)
+
+    def measured(self, distortion_model: str, coefficients: tuple[float, ...]) -> CameraInfoModel:
+        """Make a model with its residual, which is infinite if the model folds in the image."""
+        f, c = self.camera.focal_px, self.camera.center_px
+        r = np.linspace(0.0, self.end, _MEASURED)
+        rays = np.stack([r, np.zeros_like(r), self.depth(r)], axis=1)
+        x_px = lens_map(distortion_model, coefficients).distort(rays)[:, 0] * f + c[0]
+        away_px = np.abs(x_px - c[0] - f * r)
+        away_px[np.isnan(away_px)] = np.inf
+        residual_px = float(away_px.max())
+        return CameraInfoModel(
+            distortion_model, coefficients, (f, f), c, residual_px, self.image_size
+        )
+
+
+def _fit_equidistant(rays: _VisibleRays, r: Array, angle_rad: Array) -> CameraInfoModel:
+    """Fit θ (1 + k1 θ² + ...), which is linear, with as many terms as stay monotonic."""
+    powers = angle_rad[:, None] ** [3, 5, 7, 9]
+    for terms in (4, 3, 2, 1, 0):
+        found = np.linalg.lstsq(powers[:, :terms], r - angle_rad, rcond=None)[0]
+        model = rays.measured('equidistant', (*found.tolist(), *[0.0] * (4 - terms)))
+        if model.residual_px < math.inf:
+            break
+    return model
+
+
+def _fit_rational(k: float, r: Array, rho: Array, focal_px: float) -> tuple[float, ...]:
+    """Refine the closed form over the image by Levenberg-Marquardt, in pixels."""
+    # In q = ρ² over its largest value, each coefficient is its effect at the image's corner.
+    farthest2 = float(rho[-1]) ** 2
+    powers = (rho[:, None] ** 2 / farthest2) ** [1, 2, 3]
+    units = farthest2 ** np.array([1.0, 2.0, 3.0, 1.0, 2.0, 3.0])
+    k1, k2, _, _, k3, k4, k5, k6 = closed_form(k)
+    at = np.array([k1, k2, k3, k4, k5, k6]) * units
+    error, jacobian = _linearised(at, powers, r, rho, focal_px)
+    damping = _START_DAMPING
+    for _ in range(_MAX_STEPS):
+        cost = error @ error
+        if cost < len(r) * _EXACT_PX**2 or not damping < _MAX_DAMPING:
+            break
+        tried = at - _damped_step(jacobian, error, damping)
+        error_there, jacobian_there = _linearised(tried, powers, r, rho, focal_px)
+        if not error_there @ error_there < cost:
+            damping *= 10.0
+            continue
+        at, error, jacobian = tried, error_there, jacobian_there
+        damping /= 10.0
+        if cost - error @ error < _STILL_FALLING * cost:
+            break
+    k1, k2, k3, k4, k5, k6 = (at / units).tolist()
+    return k1, k2, 0.0, 0.0, k3, k4, k5, k6
+
+
+def _linearised(
+    at: Array, powers: Array, r: Array, rho: Array, focal_px: float
+) -> tuple[Array, Array]:
+    """Return the errors ρ N/D - r in px (n,) and their derivatives (n, 6)."""
+    with np.errstate(all='ignore'):
+        top, bottom = 1.0 + powers @ at[:3], 1.0 + powers @ at[3:]
+        by_top = focal_px * rho / bottom
+        error = by_top * top - focal_px * r
+        jacobian = np.hstack(
+            [by_top[:, None] * powers, (-by_top * top / bottom)[:, None] * powers]
+        )
+    return error, jacobian
+
+
+def _damped_step(jacobian: Array, error: Array, damping: float) -> Array:
+    # By orthogonalisation: the six columns are nearly dependent, and JᵀJ would lose the digits.
+    scale = np.linalg.norm(jacobian, axis=0)
+    scaled = np.vstack([jacobian / scale, math.sqrt(damping) * np.eye(6)])
+    step: Array = np.linalg.lstsq(scaled, np.append(error, np.zeros(6)), rcond=None)[0] / scale
+    return step

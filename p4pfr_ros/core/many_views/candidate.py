@@ -1,25 +1,56 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A new view before it is used: by the camera of the other views, and by a camera of its own."""
+"""
+A view by the camera of a joint fit, and a new view before it is used.
+
+``ViewByFit`` has a view's information about the lens and its pose estimate by the fit's camera. A
+``Candidate`` compares that camera with one of the view's own.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+import math
 
 import numpy as np
 
-from .bundle_adjustment import squared_errors
+from .bundle_adjustment import squared_errors, StackedViews, view_block
 from .joint_fit import fit_views, JointFit, stacked_views
-from .view_by_fit import estimate_by_fit, view_by_fit, ViewByFit
 from ..cameras.division import DivisionCamera
 from ..geometry import Array
-from ..model.lens import CX, CY, lens_from_camera
+from ..jit import jit
+from ..linalg import inverse_of_information
+from ..minimal.solution import Solution
+from ..model.lens import (
+    camera_from_lens,
+    COLUMNS,
+    CX,
+    CY,
+    FOCAL,
+    K,
+    lens_from_camera,
+    LENS_SIZE,
+    POSE_COLUMNS,
+    RESIDUAL,
+    squared_error,
+)
 from ..model.observation import CenteredView
 from ..model.prior import LensPrior
+from ..model.uncertainty import COVARIANCE_SIZE, noise_variance, pose_to_public
 from ..one_view.estimate_pose import estimate_observation
-from ..one_view.results import EstimateOptions, PoseEstimate
+from ..one_view.results import (
+    EstimateOptions,
+    mark_undetermined,
+    observability_of,
+    PoseEstimate,
+    Status,
+)
+
+# A view's own noise is used if it is this many times the common variance: the view is blurred.
+_NOISIER = 2.0
+_ENOUGH_TO_SPARE = 20
 
 # A view agrees without further tests if this share of its points are inliers, and their squares
 # are no more than this multiple of the noise.
@@ -91,7 +122,7 @@ class Candidate:
         model, row = self.alone.model, self.alone_row
         if model is not None and row is not None:
             lens = lens_from_camera(model.camera, self.view.center_px)
-            squares = np.empty(len(self.view))
+            squares = np.empty(len(self.view.image))
             squared_errors(stacked_views([self.view]), row[None], lens, squares)
             costs.append(float(np.minimum(squares, self.fit.limit).sum()))
         if self.by_fit is not None:
@@ -114,10 +145,10 @@ class Candidate:
         by_fit, fit = self.by_fit, self.fit
         if by_fit is None:
             return False
-        many = by_fit.inliers >= _INLIER_RATIO * len(self.view)
+        many = by_fit.inliers >= _INLIER_RATIO * len(self.view.image)
         if many and by_fit.inlier_squares <= _SQUARES * 2.0 * fit.variance * by_fit.inliers:
             return True
-        return not disagrees(by_fit.cost - self.own_cost, len(self.view), fit)
+        return not disagrees(by_fit.cost - self.own_cost, len(self.view.image), fit)
 
     def estimate_alone(self, typical: LensPrior) -> PoseEstimate:
         """
@@ -126,7 +157,7 @@ class Candidate:
         Four points are too few to estimate a centre; their result is ``alone``.
         """
         alone, row, view = self.alone, self.alone_row, self.view
-        if alone.model is None or row is None or len(view) == 4:
+        if alone.model is None or row is None or len(view.image) == 4:
             return alone
         mean = typical.mean.copy()
         mean[CX : CY + 1] = lens_from_camera(self.camera, view.center_px)[CX : CY + 1]
@@ -135,3 +166,176 @@ class Candidate:
         fit = fit_views([view], row[None], lens, 1, prior, self.robust.sigma_px)
         by_fit = view_by_fit(view, fit.poses[0], fit)
         return estimate_by_fit(by_fit, alone, self.robust.threshold_px)
+
+
+@dataclass(frozen=True, eq=False)
+class ViewByFit:
+    """
+    A view by the camera of a joint fit.
+
+    row (12,), the pose of the scaled board; squares (N,), the squared errors, px²; inliers, the
+    number of them within the fit's limit, and inlier_squares, their sum; block (13, 13), the
+    normal equations by pose and lens.
+    """
+
+    view: CenteredView
+    fit: JointFit
+    row: Array
+    squares: Array
+    inliers: int
+    inlier_squares: float
+    block: Array
+
+    @property
+    def cost(self) -> float:
+        """The sum of the squared errors, each truncated at the fit's limit, px²."""
+        return self.inlier_squares + (len(self.view.image) - self.inliers) * self.fit.limit
+
+    @cached_property
+    def information(self) -> Array:
+        """The information (6, 6) about the lens, px², the pose eliminated."""
+        across, by_lens = self._parts()
+        information: Array = by_lens - across.T @ self._inverse @ across
+        return 0.5 * (information + information.T)
+
+    @cached_property
+    def gradient(self) -> Array:
+        """The negative gradient (6,) by the lens, px², the pose eliminated."""
+        across, _ = self._parts()
+        by_residual = self.block[:RESIDUAL, RESIDUAL]
+        at_pose = self._inverse @ by_residual[:POSE_COLUMNS]
+        negative: Array = across.T @ at_pose - by_residual[POSE_COLUMNS:]
+        return negative
+
+    def covariance(self) -> Array:
+        """Return the covariance (8, 8) of pose, focal length and k, in the caller's units."""
+        covariance = np.empty((COVARIANCE_SIZE, COVARIANCE_SIZE))
+        pose_covariance(
+            self.block,
+            self._inverse,
+            self.fit.covariance,
+            self._noise(),
+            self.row,
+            self.view.observation.board_scale,
+            covariance,
+        )
+        return covariance
+
+    @cached_property
+    def _inverse(self) -> Array:
+        """C⁻¹, of the pose's part of the block."""
+        return inverse_of_information(self.block[:POSE_COLUMNS, :POSE_COLUMNS])
+
+    def _parts(self) -> tuple[Array, Array]:
+        """Return B and A of the block."""
+        pose, lens = slice(0, POSE_COLUMNS), slice(POSE_COLUMNS, RESIDUAL)
+        return self.block[pose, lens], self.block[lens, lens]
+
+    def _noise(self) -> float:
+        """Return the variance of a coordinate, px²."""
+        spare = 2 * self.inliers - POSE_COLUMNS
+        common = self.fit.posterior_variance
+        if spare < _ENOUGH_TO_SPARE:
+            return common
+        own = noise_variance(self.inlier_squares, spare, self.fit.limit)
+        return own if own > _NOISIER * self.fit.variance else common
+
+
+def view_by_fit(view: CenteredView, row: Array, fit: JointFit) -> ViewByFit:
+    """Evaluate a view with a given pose (12,) by the fit's camera."""
+    squares, block = np.empty(len(view.image)), np.empty((COLUMNS, COLUMNS))
+    inliers, total = _evaluate(stacked_views([view]), row, fit.lens, fit.limit, squares, block)
+    return ViewByFit(view, fit, row, squares, inliers, total, block)
+
+
+@jit
+def _evaluate(
+    points: StackedViews, row: Array, lens: Array, limit: float, squares: Array, block: Array
+) -> tuple[int, float]:
+    """Write a view's squared errors and block; return the number of inliers and their sum."""
+    view_block(points, 0, row, lens, limit, np.empty((2, COLUMNS)), block)
+    inliers, total = 0, 0.0
+    for i in range(len(squares)):
+        x, y = points.board[i, 0], points.board[i, 1]
+        squares[i] = squared_error(row, lens, x, y, points.image[i, 0], points.image[i, 1])
+        if squares[i] < limit:
+            inliers += 1
+            total += squares[i]
+    return inliers, total
+
+
+def estimate_by_fit(
+    evaluated: ViewByFit, known: PoseEstimate, threshold_px: float
+) -> PoseEstimate:
+    """
+    Return the result of a view by a fit's camera.
+
+    known: the estimate by that camera or one close to it, which has the alternatives.
+    """
+    view = evaluated.view
+    camera = camera_from_lens(evaluated.fit.lens, view.center_px)
+    pose = view.observation.pose_from_row(evaluated.row)
+    covariance = evaluated.covariance()
+    observable = observability_of(camera.focal_px, pose.translation, covariance, view.corner_px)
+    inliers = evaluated.squares < threshold_px**2
+    status = known.status
+    if observable.undetermined:
+        status = Status.UNDETERMINED
+    elif status is Status.UNDETERMINED:
+        status = Status.CONFIDENT
+    return replace(
+        known,
+        model=Solution(camera, pose),
+        status=status,
+        inliers=inliers,
+        rms_px=math.sqrt(evaluated.squares[inliers].mean()) if inliers.any() else math.nan,
+        covariance=mark_undetermined(covariance, observable),
+        alternatives=tuple(Solution(camera, s.camera_from_board) for s in known.alternatives),
+        observable=observable,
+    )
+
+
+@jit
+def pose_covariance(
+    block: Array,
+    inverse: Array,
+    of_lens: Array,
+    noise: float,
+    row: Array,
+    board: tuple[float, float, float],
+    covariance: Array,
+) -> None:
+    """
+    Write the (8, 8) covariance of x, y, z, rotation x, y, z, focal_px, k.
+
+    block (13, 13): a view's normal equations by pose and lens; inverse (6, 6): C⁻¹ of the pose;
+    of_lens (6, 6): the covariance of the lens; noise: the variance of a coordinate, px²; row
+    (12,): the pose of the scaled board; board: the mean (x, y) subtracted from the board's points
+    (board units), and the size that divided them.
+    """
+    # The pose follows the lens,  δ = F dθ,  F = -C⁻¹ B,  and has its own noise in addition:
+    #     cov(δ) = σ² C⁻¹ + F Λ Fᵀ,     cov(δ, θ) = F Λ.
+    n = POSE_COLUMNS
+    follows, with_lens = np.zeros((n, LENS_SIZE)), np.zeros((n, LENS_SIZE))
+    for a in range(n):
+        for j in range(LENS_SIZE):
+            for b in range(n):
+                follows[a, j] -= inverse[a, b] * block[b, n + j]
+    for a in range(n):
+        for j in range(LENS_SIZE):
+            for i in range(LENS_SIZE):
+                with_lens[a, j] += follows[a, i] * of_lens[i, j]
+    for a in range(n):
+        for b in range(n):
+            covariance[a, b] = noise * inverse[a, b]
+            for j in range(LENS_SIZE):
+                covariance[a, b] += with_lens[a, j] * follows[b, j]
+        for at, j in ((n, FOCAL), (n + 1, K)):
+            covariance[a, at] = covariance[at, a] = with_lens[a, j]
+    for at, i in ((n, FOCAL), (n + 1, K)):
+        covariance[at, n] = of_lens[i, FOCAL]
+        covariance[at, n + 1] = of_lens[i, K]
+    for j in range(n + 2):
+        pose_to_public(covariance[:, j], row, board)
+    for j in range(n + 2):
+        pose_to_public(covariance[j, :], row, board)

@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .candidate import Candidate, disagrees
-from .joint_fit import fit_views, JointFit
-from .lens_order import MAX_ORDER, needs_last_term, requires_next_term
+from .joint_fit import fit_views, JointFit, MAX_ORDER, needs_last_term, requires_next_term
 from .selection import least_informative
 from ..cameras.division import DivisionCamera
 from ..geometry import Array
@@ -112,7 +111,7 @@ def _agree(trial: JointFit, fit: JointFit, candidate: Candidate) -> bool:
     if candidate.agrees:
         return True
     excess = trial.cost_within(fit.limit) - fit.cost - candidate.own_cost
-    return not disagrees(excess, len(candidate.view), fit)
+    return not disagrees(excess, len(candidate.view.image), fit)
 
 
 def cameras_of(estimates: Iterable[PoseEstimate]) -> list[DivisionCamera]:

@@ -29,7 +29,7 @@ from ..geometry import Array, Ints, POSE_SIZE
 from ..linalg import inverse_of_information
 from ..model.lens import camera_from_lens, K, LENS_SIZE, POSE_COLUMNS
 from ..model.observation import CenteredView
-from ..model.prior import LensPrior
+from ..model.prior import LensPrior, WeightedPrior
 from ..model.uncertainty import DEFAULT_SIGMA_PX, noise_variance, posterior_variance
 
 # Points beyond this many standard deviations of a coordinate are outliers (three in ten thousand
@@ -51,6 +51,14 @@ _ENOUGH_TO_SPARE = 20
 
 # Each round measures the noise for its gate and adjusts: maximum number of steps, tolerance.
 _ROUNDS = ((20, 1e-2), (10, 1e-4), (20, 1e-7))
+
+# Lenses have one to three terms.
+MAX_ORDER = 3
+
+# χ² above which a term is freed, and below which it is fixed again: five and three standard
+# deviations. The test is repeated at each view, and residuals are not exactly normal.
+_FREED = 25.0
+_FIXED = 9.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +108,9 @@ class JointFit:
     @property
     def starts(self) -> Ints:
         """Start and end of each view's points in the squares, (V + 1,)."""
-        return np.concatenate([[0], np.cumsum([len(view) for view in self.views], dtype=np.int64)])
+        return np.concatenate(
+            [[0], np.cumsum([len(view.image) for view in self.views], dtype=np.int64)]
+        )
 
     def without(self, v: int) -> JointFit:
         """Return the fit without a view: the same lens, not fitted again."""
@@ -144,7 +154,7 @@ def gate_of(variance: float) -> float:
 def fit_of_prior(prior: LensPrior, order: int) -> JointFit:
     """Return the fit of no views: the prior."""
     variance = DEFAULT_SIGMA_PX**2
-    information = prior.weighted(variance).information
+    information = variance * prior.information
     return JointFit(
         views=(),
         lens=prior.mean.copy(),
@@ -187,7 +197,7 @@ def fit_views(
         squared_errors(points, poses, lens, squares)
         variance = sigma_px**2 if sigma_px else _median_variance(squares, unknowns)
         limit = gate_of(variance)
-        weighted = prior.weighted(variance)
+        weighted = WeightedPrior(prior.mean, variance * prior.information)
         adjust(points, poses, lens, order, weighted, limit, steps, tolerance, work)
     fitted = _Fitted(tuple(views), points, lens, order, poses, limit, variance, work)
     return _described(fitted, prior, measured=sigma_px is None)
@@ -217,7 +227,7 @@ def _described(fitted: _Fitted, prior: LensPrior, measured: bool) -> JointFit:
     if measured:
         variance = noise_variance(float(squares[inlier].sum()), spare, limit)
     equations = np.empty((len(views), LENS_SIZE, LENS_SIZE + 1))
-    weighted = prior.weighted(variance)
+    weighted = WeightedPrior(prior.mean, variance * prior.information)
     fill_blocks(points, poses, lens, limit, work)
     view_equations(len(views), work, equations)
     lens_equations(len(views), lens, weighted, 0.0, work)
@@ -261,9 +271,9 @@ def stacked_views(views: Sequence[CenteredView]) -> StackedViews:
     """Stack the points of views, one view after the other."""
     if len(views) == 1:
         [view] = views
-        return StackedViews(view.image, view.board, np.array([0, len(view)]))
+        return StackedViews(view.image, view.board, np.array([0, len(view.image)]))
     starts = np.zeros(len(views) + 1, dtype=np.int64)
-    np.cumsum([len(view) for view in views], out=starts[1:])
+    np.cumsum([len(view.image) for view in views], out=starts[1:])
     return StackedViews(
         np.concatenate([view.image for view in views]),
         np.concatenate([view.board for view in views]),
@@ -290,6 +300,30 @@ def scatter_of(
     squares = np.einsum('va,vab,vb->', gradients, alone, gradients) / variance
     freedom = np.einsum('vab,vba->', alone, expected)
     return max(1.0, float((_SCATTER_FREEDOM + squares) / (_SCATTER_FREEDOM + freedom)))
+
+
+def requires_next_term(fit: JointFit) -> bool:
+    """
+    Return whether the residuals require the next term: Rao's score test, which needs no fit.
+
+    At the optimum of one order the gradient by the next term, after the free terms have adapted
+    to it, is normal with the variance of the information matrix if that term is zero in truth.
+    Its square over that variance is χ² with one degree of freedom.
+    """
+    free = K + fit.order
+    if fit.order == MAX_ORDER:
+        return False
+    information, gradient = fit.equations[:, :LENS_SIZE], fit.equations[:, LENS_SIZE]
+    by_free = np.linalg.solve(information[:free, :free], information[:free, free])
+    left = information[free, free] - by_free @ information[:free, free]
+    gradient_left = gradient[free] - by_free @ gradient[:free]
+    return bool(gradient_left**2 > _FREED * left * fit.variance)
+
+
+def needs_last_term(fit: JointFit) -> bool:
+    """Return whether the last free term differs from zero."""
+    last = K + fit.order - 1
+    return fit.order == 1 or bool(fit.lens[last] ** 2 > _FIXED * fit.covariance[last, last])
 
 
 def keyframes_of(fit: JointFit) -> tuple[Keyframe, ...]:

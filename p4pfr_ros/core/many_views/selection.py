@@ -9,13 +9,14 @@ import math
 
 import numpy as np
 
+from .candidate import ViewByFit
 from .joint_fit import JointFit
-from .view_by_fit import ViewByFit
 from ..cameras.division import DivisionCamera
-from ..geometry import Array, Pose, TRANSLATION
+from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION
 from ..jit import jit, kernel
 from ..linalg import inverse_of_information
 from ..model.lens import closed_form, FOCAL, K
+from ..model.observation import Observation
 from ..model.prior import LensPrior
 
 # Least rise of the log-determinant of the information for a view to replace another, and for
@@ -39,8 +40,10 @@ def distance_to_views_px(
     """
     (left, bottom), (right, top) = board_points.min(axis=0), board_points.max(axis=0)
     corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
-    poses = np.vstack([row_of(camera_from_board), others])
-    if camera.order == 1:
+    poses = np.vstack(
+        [np.append(camera_from_board.rotation, camera_from_board.translation), others]
+    )
+    if camera.k2 == 0.0 and camera.k3 == 0.0:
         return camera.focal_px * math.sqrt(_nearest(corners, poses, camera.k))
     rotations, places = poses[:, :TRANSLATION].reshape(-1, 3, 3), poses[:, TRANSLATION:]
     corners_px = camera.project(corners @ rotations[:, :, :2].transpose(0, 2, 1) + places[:, None])
@@ -51,17 +54,18 @@ def distance_to_views_px(
 
 def poses_of(fit: JointFit) -> Array:
     """Return the poses (V, 12) of a fit's views, in board units."""
-    poses = fit.poses.copy()
-    for row, view in zip(poses, fit.views, strict=True):
-        observation = view.observation
-        row[TRANSLATION:] = observation.board_size * row[TRANSLATION:]
-        row[TRANSLATION:] -= row[:TRANSLATION].reshape(3, 3)[:, :2] @ observation.board_mean
-    return poses
+    rows = [
+        unscaled_row(row, view.observation) for row, view in zip(fit.poses, fit.views, strict=True)
+    ]
+    return np.array(rows).reshape(-1, POSE_SIZE)
 
 
-def row_of(pose: Pose) -> Array:
-    """Return the numbers (12,) of a pose: the rotation row by row, and the translation."""
-    return np.concatenate([pose.rotation.ravel(), pose.translation])
+def unscaled_row(row: Array, observation: Observation) -> Array:
+    """Return the pose (12,) of the board itself, in board units, from that of the scaled board."""
+    unscaled = row.copy()
+    unscaled[TRANSLATION:] = observation.board_size * row[TRANSLATION:]
+    unscaled[TRANSLATION:] -= row[:TRANSLATION].reshape(3, 3)[:, :2] @ observation.board_mean
+    return unscaled
 
 
 @jit
@@ -126,7 +130,7 @@ def _log_volumes(information: Array) -> Array:
 def determines_focal(by_fit: ViewByFit, typical: LensPrior) -> bool:
     """Return whether a view alone determines the focal length of a typical camera."""
     fit = by_fit.fit
-    information = by_fit.information + typical.weighted(fit.variance).information
+    information = by_fit.information + fit.variance * typical.information
     free = K + fit.order
     inverse = inverse_of_information(information[:free, :free])
     return bool(fit.variance * inverse[FOCAL, FOCAL] < (_DETERMINED * fit.lens[FOCAL]) ** 2)

@@ -12,16 +12,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .candidate import Candidate
+from .candidate import Candidate, estimate_by_fit, view_by_fit
 from .change_detection import ChangeDetector
 from .joining import fit_candidates, with_lens_order, with_view
 from .joint_fit import fit_of_prior, fit_views, JointFit, keyframes_of
-from .progress import progress_of
 from .results import CalibrationOptions, CalibrationState, CameraEstimate, Keyframe, Verdict
-from .selection import determines_focal, distance_to_views_px, is_worth_a_fit, poses_of, row_of
-from .view_by_fit import estimate_by_fit, view_by_fit
+from .selection import (
+    determines_focal,
+    distance_to_views_px,
+    is_worth_a_fit,
+    poses_of,
+    unscaled_row,
+)
+from ..cameras.division import DivisionCamera
 from ..geometry import Array, POSE_SIZE
-from ..model.lens import camera_from_lens
+from ..model.lens import camera_from_lens, CX, FOCAL, K, LENS_SIZE
 from ..model.observation import image_center_px, observe
 from ..model.prior import calibrated_camera, LensPrior, typical_camera
 from ..model.uncertainty import DEFAULT_SIGMA_PX
@@ -29,6 +34,10 @@ from ..one_view.results import EstimateOptions, PoseEstimate
 
 # A changed camera is as sharp as before: its noise variance is at most this multiple.
 _AS_SHARP = 4.0
+
+# With larger uncertainties, relative to the focal length or of the bend at the corner, there is no
+# camera yet.
+_ROUGH = 0.15
 
 _NO_POSES = np.empty((0, POSE_SIZE))
 
@@ -251,8 +260,7 @@ class SelfCalibration:
         self._verdict, by_fit = verdict, candidate.by_fit
         if by_fit is None:
             return
-        pose = candidate.view.observation.pose_from_row(by_fit.row)
-        self._last_poses = row_of(pose)[None]
+        self._last_poses = unscaled_row(by_fit.row, candidate.view.observation)[None]
         # A fronto-parallel view agrees with any focal length.
         if determines_focal(by_fit, self._typical):
             self._changes.add(candidate, agrees=True)
@@ -279,7 +287,7 @@ class SelfCalibration:
         self._prior = self._fitted_prior = prior
         self._fit, self._camera = fit, camera_from_lens(fit.lens, self._middle_px)
         self._poses = poses_of(fit)
-        self._state, self._fused = progress_of(
+        self._state, self._fused = _progress_of(
             fit, self._camera, prior.views, self.image_size, self.options, self._loaded
         )
 
@@ -301,3 +309,52 @@ def _checked(name: str, given: Any, kind: type[Any]) -> Any:
     if not isinstance(given, kind):
         raise TypeError(f'{name} must be {kind.__name__}, got {type(given).__name__}')
     return given
+
+
+def _progress_of(
+    fit: JointFit,
+    camera: DivisionCamera,
+    marginalised: int,
+    image_size: tuple[int, int],
+    options: CalibrationOptions,
+    loaded: CameraEstimate | None,
+) -> tuple[CalibrationState, CameraEstimate | None]:
+    """
+    Return the state of a fit, and its camera unless that is too rough.
+
+    marginalised: the number of views that are not fitted any more; loaded: the camera that the
+    calibration started from, which has the quality of its own fit while there is no view.
+    """
+    views, covariance = len(fit.views) + marginalised, fit.covariance
+    state = _state_of(fit.lens, covariance, 0.5 * math.hypot(*image_size), views, options)
+    if state is CalibrationState.UNCALIBRATED:
+        return state, None
+    rms_px = fit.rms_px
+    if math.isnan(rms_px):
+        return state, loaded
+    return state, CameraEstimate(camera, covariance, rms_px, views)
+
+
+def _state_of(
+    lens: Array, covariance: Array, corner_px: float, views: int, options: CalibrationOptions
+) -> CalibrationState:
+    """Judge a lens (6,) and its covariance (6, 6); corner_px is half the image diagonal."""
+    # With extreme numbers only rounding may be left.
+    if not (np.diag(covariance) >= 0.0).all():
+        return CalibrationState.UNCALIBRATED
+    focal_share = math.sqrt(covariance[FOCAL, FOCAL]) / lens[FOCAL]
+    center_share = math.sqrt(np.diag(covariance)[CX:K].max()) / (2.0 * corner_px)
+    # At the corner the ray's depth is  1 + k q + k2 q² + k3 q³,  q = |d|².
+    q = (corner_px / lens[FOCAL]) ** 2
+    by_terms = np.zeros(LENS_SIZE)
+    by_terms[K:] = q, q**2, q**3
+    bend = math.sqrt(by_terms @ covariance @ by_terms)
+    if not (focal_share < _ROUGH and bend < _ROUGH):
+        return CalibrationState.UNCALIBRATED
+    calibrated = (
+        views >= options.min_views
+        and focal_share < options.focal_tolerance
+        and center_share < options.center_tolerance
+        and bend < options.bend_tolerance
+    )
+    return CalibrationState.CALIBRATED if calibrated else CalibrationState.CONVERGING

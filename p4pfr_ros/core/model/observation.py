@@ -99,7 +99,7 @@ class Observation:
         if not farthest_px < math.inf:
             raise ValueError('image_points must have finite squares')
         corner_px = farthest_px if image_size is None else corner_radius_px(image_size, center_px)
-        return CenteredView(self, image, center_px, corner_px)
+        return CenteredView(self, image, self.scaled_board, center_px, corner_px)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,21 +107,15 @@ class CenteredView:
     """
     An observation relative to a distortion centre.
 
-    image (N, 2) px from center_px; corner_px is the distance of the image's farthest corner.
+    image (N, 2) px from center_px, board (N, 2) scaled; corner_px is the distance of the image's
+    farthest corner.
     """
 
     observation: Observation
     image: Array
+    board: Array
     center_px: tuple[float, float]
     corner_px: float
-
-    def __len__(self) -> int:
-        return len(self.image)
-
-    @property
-    def board(self) -> Array:
-        """The scaled board points (N, 2)."""
-        return self.observation.scaled_board
 
 
 def observe(image_points: ArrayLike, board_points: ArrayLike, stamp: Any = None) -> Observation:

@@ -42,7 +42,7 @@ def typical_focal_px(corner_px: float) -> float:
 
 
 class WeightedPrior(NamedTuple):
-    """A prior in the units of the squared residuals: mean (6,), information (6, 6) in px²."""
+    """A prior for kernels: mean (6,), information (6, 6) times the noise variance, px²."""
 
     mean: Array
     information: Array
@@ -66,10 +66,6 @@ class LensPrior:
     def without_views(cls, mean: Array, information: Array, views: int = 0) -> LensPrior:
         """Return a prior into which no view was marginalised; views: of an earlier calibration."""
         return cls(mean, information, np.zeros((LENS_SIZE, LENS_SIZE)), views)
-
-    def weighted(self, variance: float) -> WeightedPrior:
-        """Return the prior in px², for a noise of that variance."""
-        return WeightedPrior(self.mean, variance * self.information)
 
     def marginalise(
         self, information: Array, gradient: Array, lens: Array, variance: float

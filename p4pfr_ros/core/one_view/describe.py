@@ -143,7 +143,7 @@ class ViewProblem:
 
         problem: the view's, with the caller's priors. others: known alternatives; None: search.
         """
-        n = len(self.view)
+        n = len(self.view.image)
         arrays = assessment(n)
         seek = others is None
         start = row.copy()
@@ -221,7 +221,7 @@ class ViewProblem:
         )
         share = math.sqrt(arrays.covariance[COV_FOCAL, COV_FOCAL]) / row[G]
         certain = self.camera is not None or share < _CERTAIN
-        if certain or not observable.focal or len(self.view) == 4:
+        if certain or not observable.focal or len(self.view.image) == 4:
             return observable
         # The standard deviation may mislead: test the likelihood, with the caller's priors alone.
         limit = self.options.threshold_px**2

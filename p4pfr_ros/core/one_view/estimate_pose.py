@@ -116,9 +116,9 @@ def estimate_observation(
         center_px = image_center_px(image_size)
     view = observation.centered(center_px, image_size)
     if observation.collinear:
-        return no_estimate(Status.COLLINEAR, len(view), 0)
+        return no_estimate(Status.COLLINEAR, len(view.image), 0)
     problem = ViewProblem(view, camera, options)
-    return _from_four(problem) if len(view) == 4 else _from_many(problem)
+    return _from_four(problem) if len(view.image) == 4 else _from_many(problem)
 
 
 def _checked_options(options: EstimateOptions | None) -> EstimateOptions:
@@ -204,15 +204,16 @@ def _from_many(view: ViewProblem) -> PoseEstimate:
         if start is not None and truncated_cost(start, problem, search.limit, cost) < cost:
             best, cost = start, 0.0
     status = Status.SPENT if iterations == search.max_iterations else Status.CONFIDENT
-    estimate = no_estimate(Status.NO_SOLUTION, len(problem.image), iterations)
+    estimate = None
     if cost < math.inf:
         estimate = view.describe(best, problem, None, status, iterations)
-    if estimate.model is None and not view.has_focal_prior:
-        for start in _other_starts(view):
-            other = view.describe(start, problem, None, status, iterations)
-            if other.model is not None:
-                return other
-    return estimate
+        if estimate.model is not None:
+            return estimate
+    for start in () if view.has_focal_prior else _other_starts(view):
+        other = view.describe(start, problem, None, status, iterations)
+        if other.model is not None:
+            return other
+    return estimate or no_estimate(Status.NO_SOLUTION, len(problem.image), iterations)
 
 
 def _other_starts(view: ViewProblem) -> Array:
@@ -231,7 +232,7 @@ def _search(view: ViewProblem, widen: float) -> Search:
     return Search(
         widen * options.threshold_px**2,
         options.confidence,
-        min(options.min_iterations, math.comb(len(view.view), 4)),
+        min(options.min_iterations, math.comb(len(view.view.image), 4)),
         options.max_iterations,
         options.seed,
     )

@@ -62,10 +62,15 @@ def free_problem(image: Array, board: Array, gates: Gates, prior: Prior = NO_PRI
 
 def known_problem(image: Array, board: Array, gates: Gates, camera: DivisionCamera) -> Problem:
     """Make the problem of the pose alone."""
-    rays, across = np.empty((len(image), 3)), np.empty((len(image), 2, 3))
-    lens = (camera.focal_px, camera.k, camera.k2, camera.k3)
-    known_camera.rays_and_across(image, lens, rays, across)
+    rays, across = _rays_and_across(image, (camera.focal_px, camera.k, camera.k2, camera.k3))
     return Problem(image, board, POSE, gates, NO_PRIOR, rays, across)
+
+
+@jit
+def _rays_and_across(image: Array, lens: tuple[float, float, float, float]) -> tuple[Array, Array]:
+    rays, across = np.empty((len(image), 3)), np.empty((len(image), 2, 3))
+    known_camera.rays_and_across(image, lens, rays, across)
+    return rays, across
 
 
 _NO_RAYS = np.empty((0, 3))

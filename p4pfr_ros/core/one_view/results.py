@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from ..geometry import Array, fields_equal, Mask, read_only
+from ..geometry import Array, fields_equal, Mask
 from ..minimal.solution import Solution
 from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, POSITION, ROTATION, sigma_at
 from ..options import check_ranges, option
@@ -214,8 +214,7 @@ class PoseEstimate:
     observable: Observability
 
     def __post_init__(self) -> None:
-        read_only(self.inliers)
-        read_only(self.covariance)
+        self.inliers.flags.writeable = self.covariance.flags.writeable = False
 
     def __eq__(self, other: object) -> bool:
         return fields_equal(self, other)
