@@ -16,7 +16,7 @@ import numpy as np
 from p4pfr_ros import CameraEstimate, Verdict
 from p4pfr_ros.files.calibration import Calibration
 from p4pfr_ros.report.calibration_run import coverage, Miss, PictureCalibration, Sighting
-from p4pfr_ros.report.plus_minus import plus_minus
+from p4pfr_ros.report.numbers import plus_minus
 
 _HEADINGS = ('points', 'inliers', 'rms, px', 'f, px', 'verdict')
 _UNKNOWN = '?'

@@ -13,7 +13,7 @@ from p4pfr_ros import CameraEstimate, Verdict
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.report.calibration_run import Sighting
 from p4pfr_ros.report.figure_style import BLUE, GREY, ORANGE
-from p4pfr_ros.report.plus_minus import plus_minus
+from p4pfr_ros.report.numbers import plus_minus
 
 # A view whose σ is more than so many times the last one's does not choose the scale.
 _LEGIBLE = 8.0

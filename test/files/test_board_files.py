@@ -7,7 +7,7 @@ from p4pfr_ros.boards import Bundle, Charuco, Chessboard, Marker, MarkerGrid, Pl
 from p4pfr_ros.files.boards import ConfigError, load_board, load_boards
 import pytest
 
-READY = Path(__file__).parent.parent / 'config/boards'
+READY = Path(__file__).parents[2] / 'config/boards'
 
 CHESSBOARD = """
 boards:

@@ -3,7 +3,7 @@
 
 """Numbers have the digits that their standard deviation leaves them."""
 
-from p4pfr_ros.report.plus_minus import plus_minus
+from p4pfr_ros.report.numbers import plus_minus
 import pytest
 
 
