@@ -1,53 +1,53 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Real recordings, by rosbags' own writer."""
+"""Writes rosbag2 recordings with rosbags."""
 
 import cv2
 import numpy as np
 import pytest
 
-# rosdep has no name for it: where it is not, tests that want recordings are skipped.
+# rosdep has no key for rosbags: without it, the tests that need bags are skipped.
 rosbag2 = pytest.importorskip('rosbags.rosbag2')
 typesys = pytest.importorskip('rosbags.typesys')
 
 STORAGES = {'sqlite3': rosbag2.StoragePlugin.SQLITE3, 'mcap': rosbag2.StoragePlugin.MCAP}
-# A file has the name of its directory, with this.
+# A bag file is named after its directory, with this suffix.
 ENDINGS = {'sqlite3': '.db3', 'mcap': '.mcap'}
 FIRST_STAMP_S = 1_700_000_000
 _TYPES = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
 
 
-def image(picture, second, encoding=None):
+def image_message(image, second, encoding=None):
     """Make a sensor_msgs/Image of (h, w) grey or (h, w, 3) BGR."""
-    height, width = picture.shape[:2]
-    step = picture[0].nbytes
+    height, width = image.shape[:2]
+    step = image[0].nbytes
     return _message(
         'sensor_msgs/msg/Image',
         header=_header(second),
         height=height,
         width=width,
-        encoding=encoding or ('mono8' if picture.ndim == 2 else 'bgr8'),
+        encoding=encoding or ('mono8' if image.ndim == 2 else 'bgr8'),
         is_bigendian=0,
         step=step,
-        data=np.ascontiguousarray(picture).reshape(-1),
+        data=np.ascontiguousarray(image).reshape(-1),
     )
 
 
-def compressed(picture, second):
+def compressed_message(image, second):
     """Make a sensor_msgs/CompressedImage: PNG."""
-    data = cv2.imencode('.png', picture)[1].reshape(-1)
+    data = cv2.imencode('.png', image)[1].reshape(-1)
     kind = 'sensor_msgs/msg/CompressedImage'
     return _message(kind, header=_header(second), format='png', data=data)
 
 
-def text(words):
-    """Make a std_msgs/String, which is no picture."""
-    return _message('std_msgs/msg/String', data=words)
+def text_message(text):
+    """Make a std_msgs/String, which is not an image."""
+    return _message('std_msgs/msg/String', data=text)
 
 
 def write_bag(path, storage, topics, *, compression=None, types=None):
-    """Write messages by topic, each one a second; types may belie them. Return path as text."""
+    """Write messages by topic at 1 Hz; types override the true ones. Return the path as text."""
     kinds = {topic: messages[0].__msgtype__ for topic, messages in topics.items()}
     data = {
         topic: [bytes(_TYPES.serialize_cdr(msg, kinds[topic])) for msg in messages]
@@ -57,7 +57,7 @@ def write_bag(path, storage, topics, *, compression=None, types=None):
 
 
 def write_raw_bag(path, storage, topics, types, *, compression=None):
-    """Write serialised messages by topic, each one a second. Return path as text."""
+    """Write serialised messages by topic at 1 Hz. Return the path as text."""
     writer = rosbag2.Writer(path, version=9, storage_plugin=STORAGES[storage])
     if compression:
         mode = rosbag2.CompressionMode[compression]
@@ -71,7 +71,7 @@ def write_raw_bag(path, storage, topics, types, *, compression=None):
 
 
 def _header(second):
-    """Stamp so many seconds and 25 ms after the first; None: with zero."""
+    """Make a header stamped second + 25 ms after the first stamp; None: stamped zero."""
     stamp = {'sec': 0, 'nanosec': 0}
     if second is not None:
         stamp = {'sec': FIRST_STAMP_S + second, 'nanosec': 25_000_000}

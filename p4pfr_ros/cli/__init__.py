@@ -12,7 +12,7 @@ import sys
 
 from p4pfr_ros import __version__
 from p4pfr_ros.cli import board, calibrate, demo, estimate
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 
 # What a shell reports of a program that SIGINT or SIGPIPE ended: 128 + the signal's number.
 _INTERRUPTED, _PIPE_CLOSED = 130, 141

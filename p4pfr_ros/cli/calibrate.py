@@ -21,9 +21,10 @@ from p4pfr_ros.cli.calibration_report import (
 )
 from p4pfr_ros.cli.picture_sources import from_bag, from_files, PictureSource
 from p4pfr_ros.cli.progress import with_progress
-from p4pfr_ros.files.boards import ConfigError, load_board
+from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.calibration import Calibration, save_calibration
-from p4pfr_ros.files.places import check_place
+from p4pfr_ros.files.writing import check_writable
+from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.report.calibration_run import PictureCalibration
 
 _EPILOG = """\
@@ -92,13 +93,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _check_places(arguments: argparse.Namespace) -> None:
     """See that the results can be written, before anybody waits for them."""
-    check_place(arguments.output)
+    check_writable(arguments.output)
     if arguments.plot:
         # matplotlib is behind it, which takes a while.
         from p4pfr_ros.report.plots import check_ending
 
         check_ending(arguments.plot)
-        check_place(arguments.plot)
+        check_writable(arguments.plot)
 
 
 def _source(arguments: argparse.Namespace) -> AbstractContextManager[PictureSource]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -15,7 +15,8 @@ from p4pfr_ros.cli.arguments import add_seed, add_threshold, finite, positive
 from p4pfr_ros.cli.pictures import answer_from, check_names, find_pictures, Question
 from p4pfr_ros.cli.progress import with_progress
 from p4pfr_ros.cli.report import print_json_line, print_table
-from p4pfr_ros.files.boards import ConfigError, load_board
+from p4pfr_ros.files.boards import load_board
+from p4pfr_ros.files.yaml_fields import ConfigError
 
 _EPILOG = """\
 Every picture is solved by itself: nothing is carried over from one to the next.

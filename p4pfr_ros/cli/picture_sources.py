@@ -70,7 +70,7 @@ def from_bag(path: Path, topic: str | None, every: int = 1) -> Iterator[PictureS
     with ImageBag(path, topic) as bag:
         count = -(-bag.count // every) if bag.count else None
         pictures = (
-            NamedPicture(_seconds(image.stamp_ns), _picture_or_reason(image.picture))
+            NamedPicture(_seconds(image.stamp_ns), _picture_or_reason(image.image))
             for image in bag.images(every)
         )
         yield PictureSource(f'{path} {bag.topic}', pictures, count)

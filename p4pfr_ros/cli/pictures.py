@@ -13,8 +13,8 @@ from p4pfr_ros import estimate_pose, EstimateOptions
 from p4pfr_ros.boards import Board
 from p4pfr_ros.cli.answers import Answer, NoAnswer
 from p4pfr_ros.detection import detect
-from p4pfr_ros.files.boards import ConfigError
 from p4pfr_ros.files.images import image_or_reason, write_image
+from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.report.drawing import annotate
 
 _SUFFIXES = {'.bmp', '.jpeg', '.jpg', '.pbm', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp'}

@@ -1,7 +1,11 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pictures out of recordings, rosbag2 in sqlite3 or mcap, by the library rosbags: without ROS."""
+"""
+Reads images from rosbag2 recordings (sqlite3 or mcap), without ROS.
+
+The module stands alone because it needs the library rosbags, an optional dependency.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +17,13 @@ import os
 from pathlib import Path
 from typing import Any
 
-from p4pfr_ros.files.boards import ConfigError
 from p4pfr_ros.files.images import ImageArray
 from p4pfr_ros.files.pixel_formats import (
     image_from_compressed_fields,
     image_from_fields,
     Unreadable,
 )
+from p4pfr_ros.files.yaml_fields import ConfigError
 
 _READERS: dict[str, Callable[[Any], ImageArray | Unreadable]] = {
     'sensor_msgs/msg/Image': image_from_fields,
@@ -30,39 +34,39 @@ _NS_PER_S = 1_000_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BagImage:
-    """A message's picture, or why it holds none, and its header's stamp."""
+    """The image of a message, or why it cannot be decoded, and the stamp of the header."""
 
     stamp_ns: int
-    picture: ImageArray | Unreadable
+    image: ImageArray | Unreadable
 
 
 class ImageBag:
     """
-    The pictures of one topic, in the order of their recording; to be used in a ``with``.
+    The images of one topic, in recorded order. A context manager.
 
     Parameters
     ----------
     path
-        The recording's directory, or a .db3 or .mcap file.
+        The bag's directory, or a .db3 or .mcap file.
     topic
-        Of type sensor_msgs/Image or CompressedImage. None: the only one there is.
+        A topic of type sensor_msgs/Image or CompressedImage. None: the bag's only image topic.
 
     Raises
     ------
     ConfigError
-        No such recording, or one that is broken; no such topic, or one without pictures; the
-        library is not installed.
+        The bag is missing or damaged, the topic is missing or has another type, or rosbags is
+        not installed.
 
     """
 
     def __init__(self, path: str | os.PathLike[str], topic: str | None = None) -> None:
         self._path = Path(path)
         rosbag2, typesys = _rosbags()
-        # The definitions of pictures are the same in every ROS 2, and not in every recording.
+        # Image messages are the same in all ROS 2 distributions; bags may lack their definitions.
         self._types = typesys.get_typestore(typesys.Stores.LATEST)
-        with ExitStack() as stack, _in_one_line(self._path):
+        with ExitStack() as stack, _damage_as_config_error(self._path):
             self._reader = stack.enter_context(rosbag2.Reader(self._path))
-            self.topic = self._choose(topic)
+            self.topic = self._choose_topic(topic)
             self._connections = [c for c in self._reader.connections if c.topic == self.topic]
             self._stack = stack.pop_all()
 
@@ -74,42 +78,42 @@ class ImageBag:
 
     @property
     def count(self) -> int | None:
-        """Return how many messages there are, if the recording says so."""
+        """Number of messages on the topic; None if the bag does not record it."""
         return sum(connection.msgcount for connection in self._connections) or None
 
     def images(self, every: int = 1) -> Iterator[BagImage]:
         """
-        Give the pictures, or every n-th of them.
+        Yield every n-th image.
 
         Raises
         ------
         ConfigError
-            The recording is broken here.
+            The bag is damaged at this position.
 
         """
-        with _in_one_line(self._path):
+        with _damage_as_config_error(self._path):
             messages = islice(self._reader.messages(self._connections), 0, None, every)
             for connection, stamp_ns, data in messages:
                 yield self._image_from(connection.msgtype, stamp_ns, data)
 
-    def _choose(self, topic: str | None) -> str:
+    def _choose_topic(self, topic: str | None) -> str:
         types: dict[str, str] = {name: t.msgtype for name, t in self._reader.topics.items()}
-        pictures = sorted(name for name, kind in types.items() if kind in _READERS)
-        there = f'topics with pictures: {", ".join(pictures) or "none"}'
+        image_topics = sorted(name for name, kind in types.items() if kind in _READERS)
+        available = f'image topics: {", ".join(image_topics) or "none"}'
         if topic is None:
-            if len(pictures) != 1:
-                raise ConfigError(f'{self._path}: expected --topic to choose one; {there}')
-            return pictures[0]
+            if len(image_topics) != 1:
+                raise ConfigError(f'{self._path}: expected --topic to choose one; {available}')
+            return image_topics[0]
         if topic not in types:
-            raise ConfigError(f'{self._path}: no topic {topic}; {there}')
-        if topic not in pictures:
-            raise ConfigError(f'{self._path}: {topic} is of type {types[topic]}; {there}')
+            raise ConfigError(f'{self._path}: no topic {topic}; {available}')
+        if topic not in image_topics:
+            raise ConfigError(f'{self._path}: {topic} is of type {types[topic]}; {available}')
         return topic
 
     def _image_from(self, kind: str, recorded_ns: int, data: bytes) -> BagImage:
         try:
             msg: Any = self._types.deserialize_cdr(data, kind)
-        except Exception:  # whatever the bytes, and what rosbags makes of them, may be
+        except Exception:  # rosbags raises errors of many kinds for malformed data
             return BagImage(recorded_ns, Unreadable('layout', f'image: expected a {kind}'))
         stamp = msg.header.stamp
         stamp_ns = stamp.sec * _NS_PER_S + stamp.nanosec
@@ -117,30 +121,28 @@ class ImageBag:
 
 
 def _rosbags() -> tuple[Any, Any]:
-    """Import the library, which takes a while and not everybody has."""
+    """Import the library: slow, and an optional dependency."""
     try:
         from rosbags import rosbag2, typesys
     except ModuleNotFoundError as error:
         if not str(error.name).startswith('rosbags'):
             raise
-        raise ConfigError(
-            "recordings are read by the library rosbags: pip install 'p4pfr_ros[bags]'"
-        ) from None
+        raise ConfigError("reading bags needs rosbags: pip install 'p4pfr_ros[bags]'") from None
     return rosbag2, typesys
 
 
 @contextmanager
-def _in_one_line(path: Path) -> Iterator[None]:
-    """Turn what rosbags and the storages below it raise for a broken recording into our error."""
+def _damage_as_config_error(path: Path) -> Iterator[None]:
+    """Convert the errors of rosbags and its storages for a damaged bag to a ConfigError."""
     try:
         yield
     except ConfigError:
         raise
     except FileNotFoundError:
-        missing = 'no such file' if not path.exists() else 'no metadata.yaml in there'
+        missing = 'no such file' if not path.exists() else 'it has no metadata.yaml'
         raise ConfigError(f'{path}: expected a rosbag2: {missing}') from None
-    except Exception as error:  # they do not say which
+    except Exception as error:  # rosbags does not document which
         what = ' '.join(str(error).split()).rstrip('.') or type(error).__name__
         raise ConfigError(
-            f'{path}: expected a whole rosbag2 ({what}): ros2 bag reindex may repair it'
+            f'{path}: expected an intact rosbag2 ({what}): ros2 bag reindex may repair it'
         ) from None

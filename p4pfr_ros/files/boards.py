@@ -1,29 +1,33 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Board files: YAML on disk, dataclasses in memory, and clear words where a file is wrong."""
+"""Loads boards from YAML files."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+import dataclasses
+from itertools import combinations
 import os
-from pathlib import Path
 from typing import Any
 
-from p4pfr_ros.boards import Board
-from p4pfr_ros.files.board_fields import boards_from
-import yaml
+from p4pfr_ros.boards import Board, Bundle, Charuco, Chessboard, Marker, MarkerGrid, PlacedMarker
+from p4pfr_ros.boards.parts import code_family
+from p4pfr_ros.files.yaml_fields import ConfigError, Fields, length_keys, read_yaml
 
-_MERGE = 'tag:yaml.org,2002:merge'
-
-
-class ConfigError(Exception):
-    """A file or parameter of the user's is wrong: one line with file, key and expectation."""
+_TYPES: dict[str, type[Board]] = {
+    'chessboard': Chessboard,
+    'charuco': Charuco,
+    'marker': Marker,
+    'marker_grid': MarkerGrid,
+    'bundle': Bundle,
+}
+# In metres like the lengths, but of any sign.
+_COORDINATES = ('x_m', 'y_m')
 
 
 def load_board(path: str | os.PathLike[str]) -> Board:
     """
-    Read the one board of a file.
+    Load the board of a file that holds exactly one.
 
     Raises
     ------
@@ -41,65 +45,109 @@ def load_board(path: str | os.PathLike[str]) -> Board:
 
 def load_boards(path: str | os.PathLike[str]) -> dict[str, Board]:
     """
-    Read the boards of a file, by name.
+    Load the boards of a file, by name.
 
-    The file's one key ``boards`` maps names to boards. A board's key ``type`` says which class it
-    is (chessboard, charuco, marker, marker_grid, bundle); its other keys are the fields of that
-    class, where a length may be given in metres (``square_m``) or millimetres (``square_mm``).
-    No two boards of a file look alike: a picture tells which of them it shows.
+    The file's only key ``boards`` maps names to boards. A board's key ``type`` selects its class
+    (chessboard, charuco, marker, marker_grid, bundle); its other keys are the fields of that
+    class. Lengths are given in metres (``square_m``) or millimetres (``square_mm``). Every board
+    of a file must be distinguishable from the others in an image.
 
     Raises
     ------
     ConfigError
-        The file cannot be read, or is not such a file: says where and what was expected.
+        ``PATH: KEY: expected ..., got ...``.
 
     """
     tree = read_yaml(path)
     try:
-        return boards_from(tree)
+        return _boards_from(tree)
     except ValueError as error:
         raise ConfigError(f'{path}: {error}') from None
 
 
-def read_yaml(path: str | os.PathLike[str]) -> object:
-    """
-    Read what a YAML file holds, in which no key stands twice.
+def _boards_from(tree: object) -> dict[str, Board]:
+    if tree is None:
+        raise ValueError("expected a key 'boards', got an empty file")
+    file = Fields.of(tree, expected="a key 'boards'")
+    file.reject_unknown(['boards'])
+    given = file.section('boards', 'names of boards')
+    if not given.values:
+        raise file.error('boards', 'names of boards')
+    boards = {name: _board_from(name, given) for name in given.values}
+    for first, second in combinations(boards.values(), 2):
+        _reject_ambiguous(first, second)
+    return boards
 
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, or is no such YAML.
 
-    """
+def _board_from(name: object, boards: Fields) -> Board:
+    if not isinstance(name, str):
+        raise ValueError(f'{boards.path_of(name)}: expected a word as the name, got {name!r}')
+    fields = boards.section(name, 'keys such as type')
+    kind = _TYPES[fields.choice('type', _TYPES)]
+    arguments = _arguments(kind, fields, ['type'])
+    if kind is Bundle:
+        markers = fields.sections('markers', 'keys such as id', 'a list of markers')
+        arguments['markers'] = tuple(_marker_from(marker) for marker in markers)
     try:
-        with Path(path).open(encoding='utf-8') as file:
-            return yaml.load(file, Loader=_StrictLoader)
-    except OSError as error:
-        raise ConfigError(f'{path}: expected a readable file: {error.strerror}') from None
-    except UnicodeDecodeError:
-        raise ConfigError(f'{path}: expected text in UTF-8') from None
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        line = f', line {mark.line + 1}' if mark else ''
-        raise ConfigError(f'{path}{line}: expected YAML: {error.problem}') from None
-    except yaml.YAMLError as error:
-        raise ConfigError(f'{path}: expected YAML: {" ".join(str(error).split())}') from None
+        board = kind(name=name, **arguments)
+        if board.marker_ids:
+            # Imports OpenCV, which is slow and needed for markers only.
+            from p4pfr_ros.detection.aruco import check_markers
+
+            check_markers(board)
+        return board
+    except ValueError as error:
+        raise ValueError(f'{fields.path}.{error}') from None
 
 
-class _StrictLoader(yaml.SafeLoader):
-    """A safe loader that does not let a key's second value replace the first in silence."""
+def _marker_from(fields: Fields) -> PlacedMarker:
+    arguments = _arguments(PlacedMarker, fields)
+    try:
+        return PlacedMarker(**arguments)
+    except ValueError as error:
+        raise ValueError(f'{fields.path}.{error}') from None
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen: set[Hashable] = set()
-        for key_node, _ in node.value:
-            if key_node.tag == _MERGE:
-                continue  # what it brings may be replaced
-            key = self.construct_object(key_node, deep=True)
-            if not isinstance(key, Hashable):
-                continue  # refused below
-            if key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f'the key {key!r} stands there twice', key_node.start_mark
-                )
-            seen.add(key)
-        return super().construct_mapping(node, deep)
+
+def _arguments(
+    kind: type[Board] | type[PlacedMarker], fields: Fields, other_keys: list[str] | None = None
+) -> dict[str, Any]:
+    """Return the arguments of a class, all required ones included, lengths in metres."""
+    parameters = [field for field in dataclasses.fields(kind) if field.name != 'name']
+    lengths = [p.name.removesuffix('_m') for p in parameters if p.name.endswith('_m')]
+    known = [*(other_keys or ()), *(parameter.name for parameter in parameters)]
+    fields.reject_unknown(known, aliases=length_keys(lengths))
+    arguments: dict[str, Any] = {}
+    for parameter in parameters:
+        name = parameter.name
+        length = name.removesuffix('_m')
+        if length in lengths:
+            value = fields.length_m(length, is_coordinate=name in _COORDINATES)
+        else:
+            # The class checks values that are not floats.
+            is_float = parameter.type == 'float' and name in fields
+            value = fields.number(name) if is_float else fields.values.get(name)
+        if value is not None or name in fields:
+            arguments[name] = value
+        elif parameter.default is dataclasses.MISSING:
+            hint = f' (or {length}_mm, in millimetres)' if length in lengths else ''
+            raise fields.error(name, 'a value', hint)
+    return arguments
+
+
+def _reject_ambiguous(first: Board, second: Board) -> None:
+    """Reject two boards that an image cannot tell apart."""
+    shared = _features(first) & _features(second)
+    if shared:
+        raise ValueError(
+            f'boards.{second.name}: expected a pattern that no other board shares, got '
+            f'{min(shared)}, also in boards.{first.name}'
+        )
+
+
+def _features(board: Board) -> set[str]:
+    """Return descriptions of what identifies a board in an image."""
+    if isinstance(board, Chessboard):
+        longer, shorter = sorted((board.columns, board.rows), reverse=True)
+        return {f'a chessboard of {longer}x{shorter} corners'}
+    family = code_family(board.dictionary)
+    return {f'marker {marker_id} of {family}' for marker_id in board.marker_ids}

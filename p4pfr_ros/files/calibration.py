@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Calibrations on disk, in the YAML that camera_calibration and camera_info_manager share.
+Loads and saves calibration files: the YAML of camera_calibration and camera_info_manager.
 
-ROS reads image size, name, K, model, D, R and P from it. The key ``division`` is ours: the camera
-in its own numbers and how sure they are. Others leave it unread, and files without it are read.
+ROS reads image size, name, K, model, D, R and P from it. The additional key ``division`` holds
+the division model and its covariance. Other programs ignore it, and it may be missing.
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ import numpy as np
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel, COEFFICIENTS
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.many_views.results import CameraEstimate
-from p4pfr_ros.files.boards import ConfigError, read_yaml
 from p4pfr_ros.files.writing import write_atomically
-from p4pfr_ros.files.yaml_fields import Fields
+from p4pfr_ros.files.yaml_fields import ConfigError, Fields, read_yaml
 import yaml
 
 
@@ -32,18 +31,19 @@ class Calibration:
     Parameters
     ----------
     image_size
-        Width and height of the full raw picture, pixels.
+        Width and height of the full raw image, pixels.
     camera_name
-        What the driver calls the camera.
+        The driver's name of the camera.
     model
-        The camera as CameraInfo has it.
+        The camera as in a CameraInfo message.
     estimate
-        What the model was made of, where it is a camera that calibrated itself.
+        The self-calibrated camera that the model was fitted to; None for a calibration by
+        another program.
 
     Raises
     ------
     ValueError
-        The sizes of picture and model differ.
+        The image sizes of the calibration and the model differ.
 
     """
 
@@ -55,15 +55,14 @@ class Calibration:
     def __post_init__(self) -> None:
         if tuple(self.image_size) != self.model.image_size:
             raise ValueError(
-                f'image_size must be that of the model, {self.model.image_size}, '
-                f'got {self.image_size}'
+                f"image_size must be the model's, {self.model.image_size}, got {self.image_size}"
             )
 
     @classmethod
     def from_estimate(
         cls, estimate: CameraEstimate, image_size: tuple[int, int], camera_name: str
     ) -> Calibration:
-        """Make the calibration of a camera that calibrated itself."""
+        """Make the calibration of a self-calibrated camera."""
         return cls(
             image_size=image_size,
             camera_name=camera_name,
@@ -74,12 +73,12 @@ class Calibration:
 
 def save_calibration(path: str | os.PathLike[str], calibration: Calibration) -> None:
     """
-    Write a calibration file: whole, or not at all. Folders that are missing are made.
+    Write a calibration file atomically; missing folders are created.
 
     Raises
     ------
     ConfigError
-        There is no such place to write to.
+        The path is not writable.
 
     """
     tree = _tree_from(calibration)
@@ -88,12 +87,12 @@ def save_calibration(path: str | os.PathLike[str], calibration: Calibration) -> 
 
 def load_calibration(path: str | os.PathLike[str]) -> Calibration:
     """
-    Read a calibration file, our own or another's.
+    Load a calibration file, written by this package or another.
 
     Raises
     ------
     ConfigError
-        The file cannot be read, or is not such a file: says where and what was expected.
+        ``PATH: KEY: expected ..., got ...``.
 
     """
     tree = read_yaml(path)
@@ -114,13 +113,13 @@ def _tree_from(calibration: Calibration) -> dict[str, Any]:
     if calibration.estimate is not None:
         tree['division'] = _division_from(calibration.estimate, model.residual_px)
     d = model.coefficients
-    # What everyone asks for comes last, so that a file that was cut short lacks it.
+    # Required keys come last, so that a truncated file lacks them.
     return tree | {
-        'camera_matrix': _matrix(3, 3, (fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)),
+        'camera_matrix': _matrix_tree(3, 3, (fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)),
         'distortion_model': model.distortion_model,
-        'distortion_coefficients': _matrix(1, len(d), d),
-        'rectification_matrix': _matrix(3, 3, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
-        'projection_matrix': _matrix(
+        'distortion_coefficients': _matrix_tree(1, len(d), d),
+        'rectification_matrix': _matrix_tree(3, 3, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
+        'projection_matrix': _matrix_tree(
             3, 4, (fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0)
         ),
     }
@@ -134,26 +133,26 @@ def _division_from(estimate: CameraEstimate, residual_px: float) -> dict[str, An
         'k': camera.k,
         'k2': camera.k2,
         'k3': camera.k3,
-        'covariance': _matrix(6, 6, tuple(estimate.covariance.ravel().tolist())),
+        'covariance': _matrix_tree(6, 6, tuple(estimate.covariance.ravel().tolist())),
         'rms_px': float(estimate.rms_px),
         'views': int(estimate.views),
         'residual_px': residual_px,
     }
 
 
-def _matrix(rows: int, cols: int, data: tuple[float, ...]) -> dict[str, Any]:
+def _matrix_tree(rows: int, cols: int, data: tuple[float, ...]) -> dict[str, Any]:
     return {'rows': rows, 'cols': cols, 'data': list(data)}
 
 
 def _calibration_from(fields: Fields) -> Calibration:
-    # The last two are asked for as ROS asks for them, and a file that was cut short lacks them.
-    fx, _, cx, _, fy, cy, *_ = fields.matrix('camera_matrix', 3, 3)
-    fields.matrix('rectification_matrix', 3, 3)
-    fields.matrix('projection_matrix', 3, 4)
+    fx, _, cx, _, fy, cy, *_ = _matrix_from(fields, 'camera_matrix', 3, 3)
+    # Unused, but ROS requires both, and a truncated file lacks them.
+    _matrix_from(fields, 'rectification_matrix', 3, 3)
+    _matrix_from(fields, 'projection_matrix', 3, 4)
     if not (fx > 0.0 and fy > 0.0):
         raise ValueError(f'camera_matrix.data: expected focal lengths > 0, got {fx} and {fy}')
     image_size = fields.count('image_width'), fields.count('image_height')
-    division = fields.below('division') if 'division' in fields else None
+    division = fields.section('division') if 'division' in fields else None
     return Calibration(
         image_size=image_size,
         camera_name=fields.word('camera_name', 'unknown'),
@@ -169,16 +168,14 @@ def _calibration_from(fields: Fields) -> Calibration:
 
 
 def _distortion_from(fields: Fields) -> tuple[str, tuple[float, ...]]:
-    name = fields.word('distortion_model', 'plumb_bob')
-    if name not in COEFFICIENTS:
-        known = ', '.join(COEFFICIENTS)
-        raise ValueError(f'distortion_model: expected one of {known}, got {name!r}')
-    data = fields.matrix('distortion_coefficients', 1, None)
+    name = fields.choice('distortion_model', COEFFICIENTS, default='plumb_bob')
+    data = _matrix_from(fields, 'distortion_coefficients', 1, None)
     counts = {4, 5} if name == 'plumb_bob' else {COEFFICIENTS[name]}
     if len(data) not in counts:
         expected = ' or '.join(str(n) for n in sorted(counts))
         raise ValueError(
-            f'distortion_coefficients.data: expected {expected} of {name}, got {len(data)}'
+            f'distortion_coefficients.data: expected {expected} numbers for {name}, '
+            f'got {len(data)}'
         )
     return name, data
 
@@ -186,10 +183,24 @@ def _distortion_from(fields: Fields) -> tuple[str, tuple[float, ...]]:
 def _estimate_from(fields: Fields) -> CameraEstimate:
     focal_px, (x, y) = fields.number('focal_px'), fields.numbers('center_px', 2)
     k, k2, k3 = (fields.number(name) for name in ('k', 'k2', 'k3'))
-    covariance = np.reshape(fields.matrix('covariance', 6, 6), (6, 6))
+    covariance = np.reshape(_matrix_from(fields, 'covariance', 6, 6), (6, 6))
     rms_px, views = fields.number('rms_px'), fields.count('views')
     try:
         camera = DivisionCamera(focal_px, (x, y), k, k2, k3)
         return CameraEstimate(camera, covariance, rms_px, views)
     except ValueError as error:
-        raise ValueError(f'{fields.prefix}{error}') from None
+        raise ValueError(f'{fields.path}.{error}') from None
+
+
+def _matrix_from(fields: Fields, key: str, rows: int, cols: int | None) -> tuple[float, ...]:
+    """Return the entries of a matrix, row by row; check its size (cols None: any number)."""
+    matrix = fields.section(key)
+    for name, size in (('rows', rows), ('cols', cols)):
+        if size is not None and matrix.values.get(name) != size:
+            raise matrix.error(name, str(size))
+    if cols is not None:
+        return matrix.numbers('data', rows * cols)
+    data = matrix.numbers('data')
+    if matrix.values.get('cols') != len(data):
+        raise matrix.error('cols', f'{len(data)}, the length of data')
+    return data

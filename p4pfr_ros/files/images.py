@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pictures on disk."""
+"""Reads and writes image files."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.writing import not_writable
+from p4pfr_ros.files.yaml_fields import ConfigError
 
 ImageArray = NDArray[np.uint8]
 
-# How a format's files begin, and what stands near their end.
+# The first bytes of a format, and bytes near the end of every complete file.
 _JPEG_BEGINS, _JPEG_ENDS = b'\xff\xd8', b'\xff\xd9'
 _JPEG_SCAN = 0xDA
 _PNG_BEGINS, _PNG_ENDS = b'\x89PNG\r\n\x1a\n', b'IEND'
@@ -23,37 +24,37 @@ _PNG_BEGINS, _PNG_ENDS = b'\x89PNG\r\n\x1a\n', b'IEND'
 
 def read_image(path: str | os.PathLike[str]) -> ImageArray:
     """
-    Read a picture: (h, w, 3) BGR uint8, the camera's pixels as they are.
+    Read an image: (h, w, 3) BGR uint8, as the sensor delivered it.
 
-    A rotation that is noted in the file is for people: it is not applied.
+    The EXIF orientation is ignored: it would move the principal point and swap the image axes.
 
     Raises
     ------
     ConfigError
-        There is no such file, it is no picture, or it is cut short.
+        The file is missing, not an image, or truncated.
 
     """
-    picture = image_or_reason(path)
-    if isinstance(picture, str):
-        raise ConfigError(f'{path}: {picture}')
-    return picture
+    image = image_or_reason(path)
+    if isinstance(image, str):
+        raise ConfigError(f'{path}: {image}')
+    return image
 
 
 def image_or_reason(path: str | os.PathLike[str]) -> ImageArray | str:
-    """Read a picture as `read_image` does, or return why there is none."""
+    """Read an image like `read_image`, or return why that failed."""
     try:
         data = Path(path).read_bytes()
     except OSError as error:
-        return f'expected a readable picture: {error.strerror}'
-    # OpenCV decodes a file that is cut short too, with the rest grey.
-    if _is_cut_short(data):
-        return 'expected a whole picture, got a file that is cut short'
+        return f'expected a readable image: {error.strerror}'
+    # OpenCV decodes truncated files as well, and fills the rest with grey.
+    if _is_truncated(data):
+        return 'expected a complete image, got a truncated file'
     image = decode_image(data)
-    return 'expected a picture (png, jpg, ...), got something else' if image is None else image
+    return 'expected an image (png, jpg, ...), got another format' if image is None else image
 
 
 def decode_image(data: bytes) -> ImageArray | None:
-    """Decode a file's bytes as `read_image` does; None where they are no picture."""
+    """Decode the content of an image file like `read_image`; None if it is not an image."""
     if not data:
         return None
     try:
@@ -68,35 +69,35 @@ def decode_image(data: bytes) -> ImageArray | None:
 
 def write_image(path: str | os.PathLike[str], image: ImageArray) -> None:
     """
-    Write a picture, (h, w) or (h, w, 3) BGR uint8, in the format that the path's ending names.
+    Write an image, (h, w) or (h, w, 3) BGR uint8, in the format of the file extension.
 
     Raises
     ------
     ConfigError
-        OpenCV writes no such format, or there is no such place to write to.
+        OpenCV cannot write the format, or the path is not writable.
 
     """
-    ending = Path(path).suffix
-    if not ending or not cv2.haveImageWriter(f'picture{ending}'):
-        raise ConfigError(f'{path}: expected a name that ends in .png or .jpg')
-    _, data = cv2.imencode(ending, image)
+    suffix = Path(path).suffix
+    if not suffix or not cv2.haveImageWriter(f'image{suffix}'):
+        raise ConfigError(f'{path}: expected a file name ending in .png or .jpg')
+    _, data = cv2.imencode(suffix, image)
     try:
         Path(path).write_bytes(data.tobytes())
     except OSError as error:
-        raise ConfigError(f'{path}: expected a place to write to: {error.strerror}') from None
+        raise not_writable(path, error) from None
 
 
-def _is_cut_short(data: bytes) -> bool:
+def _is_truncated(data: bytes) -> bool:
     if data.startswith(_PNG_BEGINS):
         return _PNG_ENDS not in data
     if data.startswith(_JPEG_BEGINS):
-        return data.find(_JPEG_ENDS, _scan_at(data)) < 0
+        return data.find(_JPEG_ENDS, _scan_offset(data)) < 0
     return False
 
 
-def _scan_at(data: bytes) -> int:
-    """Return where a JPEG's own picture begins, behind its header with a thumbnail perhaps."""
-    # Each segment is FF, its kind, and its length, which counts itself (two bytes).
+def _scan_offset(data: bytes) -> int:
+    """Return the offset of a JPEG's image data, after headers that may embed a thumbnail."""
+    # A segment is FF, its type, and its length, which includes the two bytes of the length.
     at = len(_JPEG_BEGINS)
     while at + 4 <= len(data) and data[at] == 0xFF and data[at + 1] != _JPEG_SCAN:
         is_padding = data[at + 1] == 0xFF

@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The pixels of ROS's picture messages to arrays: (h, w) grey or (h, w, 3) BGR, 8 bits.
+Decodes ROS image messages to arrays: (h, w) grey or (h, w, 3) BGR, 8 bits.
 
-16 bits are scaled as the encodings' names say, 65535 to 255. Of pictures with alpha the colours
-are kept; Bayer patterns are demosaiced. Whoever deserialised the message, its fields are alike,
-so that a node and a reader of bags share this.
+16-bit values are scaled from 65535 to 255, alpha is dropped, Bayer patterns are demosaiced. Only
+the fields of a message are used, so that messages of rclpy and rosbags both work.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from p4pfr_ros.files.images import decode_image, ImageArray
 
 
 class ImageFields(Protocol):
-    """What sensor_msgs/Image holds; data is a buffer of bytes."""
+    """The fields of sensor_msgs/Image; data is a buffer of bytes."""
 
     height: int
     width: int
@@ -32,7 +31,7 @@ class ImageFields(Protocol):
 
 
 class CompressedImageFields(Protocol):
-    """What sensor_msgs/CompressedImage holds; data is a buffer of bytes."""
+    """The fields of sensor_msgs/CompressedImage; data is a buffer of bytes."""
 
     format: str
     data: Any
@@ -40,7 +39,7 @@ class CompressedImageFields(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Unreadable:
-    """Why a message holds no picture: a short name to count under, and a sentence for humans."""
+    """Why a message could not be decoded: a cause to count by, and a sentence for the log."""
 
     cause: str
     reason: str
@@ -48,14 +47,15 @@ class Unreadable:
 
 @dataclass(frozen=True, slots=True)
 class _Encoding:
-    """Numbers per pixel, bytes per number, and cv2's code to grey or BGR (None: as it is)."""
+    """Channels, bytes per channel, and cv2's conversion code to grey or BGR (None: no change)."""
 
     channels: int
     bytes: int = 1
     code: int | None = None
 
 
-# cv2 names a Bayer pattern after its second row's second and third pixel, ROS after the corner.
+# ROS names a Bayer pattern after its top left 2x2 pixels, cv2 after the second and third pixel of
+# the second row.
 _BAYER = {
     'rggb': cv2.COLOR_BayerBG2BGR,
     'bggr': cv2.COLOR_BayerRG2BGR,
@@ -85,55 +85,59 @@ _ENCODINGS = {
 
 
 def image_from_fields(msg: ImageFields) -> ImageArray | Unreadable:
-    """Take the picture out of an Image."""
+    """Decode an Image."""
     encoding = _ENCODINGS.get(msg.encoding)
     if encoding is None:
         return Unreadable(
             'encoding',
-            f'image: the encoding {msg.encoding!r} is unknown; known: {", ".join(_ENCODINGS)}',
+            f'image: unknown encoding {msg.encoding!r}, expected one of {", ".join(_ENCODINGS)}',
         )
-    wrong = _wrong_size(msg, encoding)
-    if wrong is not None:
-        return wrong
+    unreadable = _size_error(msg, encoding)
+    if unreadable is not None:
+        return unreadable
     used = msg.width * encoding.channels * encoding.bytes
     rows = np.frombuffer(msg.data, np.uint8, msg.height * msg.step).reshape(msg.height, msg.step)
-    picture = _eight_bits(np.ascontiguousarray(rows[:, :used]), encoding.bytes, msg.is_bigendian)
+    image = _to_eight_bits(np.ascontiguousarray(rows[:, :used]), encoding.bytes, msg.is_bigendian)
     if encoding.channels > 1:
-        picture = picture.reshape(msg.height, msg.width, encoding.channels)
-    return picture if encoding.code is None else _as_picture(cv2.cvtColor(picture, encoding.code))
+        image = image.reshape(msg.height, msg.width, encoding.channels)
+    return image if encoding.code is None else _as_uint8(cv2.cvtColor(image, encoding.code))
 
 
 def image_from_compressed_fields(msg: CompressedImageFields) -> ImageArray | Unreadable:
-    """Take the picture out of a CompressedImage: JPEG, PNG or what else OpenCV reads."""
-    picture = decode_image(bytes(msg.data))
-    if picture is None:
-        return Unreadable('encoding', f'image: the data are no picture (format {msg.format!r})')
-    return picture
+    """Decode a CompressedImage: JPEG, PNG or any other format that OpenCV reads."""
+    image = decode_image(bytes(msg.data))
+    if image is None:
+        return Unreadable('encoding', f'image: cannot decode the data (format {msg.format!r})')
+    return image
 
 
-def _wrong_size(msg: ImageFields, encoding: _Encoding) -> Unreadable | None:
+def _size_error(msg: ImageFields, encoding: _Encoding) -> Unreadable | None:
     used = msg.width * encoding.channels * encoding.bytes
     if used == 0 or msg.height == 0:
-        return Unreadable('empty', f'image: expected a picture, got {msg.width}x{msg.height}')
+        return Unreadable(
+            'empty', f'image: expected at least 1x1 px, got {msg.width}x{msg.height}'
+        )
     if msg.step < used:
         return Unreadable('layout', f'image: expected step >= {used}, got {msg.step}')
     if len(msg.data) < msg.height * msg.step:
         return Unreadable(
             'truncated',
-            f'image: {msg.height * msg.step} bytes expected, {len(msg.data)} came',
+            f'image: expected {msg.height * msg.step} bytes, got {len(msg.data)}',
         )
     if encoding.channels == 2 and msg.width % 2:
-        return Unreadable('layout', f'image: {msg.encoding} needs an even width, got {msg.width}')
+        return Unreadable(
+            'layout', f'image: {msg.encoding} requires an even width, got {msg.width}'
+        )
     return None
 
 
-def _eight_bits(rows: ImageArray, size: int, is_bigendian: int) -> ImageArray:
-    """Turn rows of bytes into rows of numbers of 8 bits."""
+def _to_eight_bits(rows: ImageArray, size: int, is_bigendian: int) -> ImageArray:
+    """Convert rows of bytes to rows of 8-bit values; size is the bytes per value."""
     if size == 1:
         return rows
-    # The upper byte is the number over 256: within half a grey level of 255 / 65535.
+    # The upper byte is value / 256, which is within one grey level of value * 255 / 65535.
     return np.ascontiguousarray(rows[:, 0 if is_bigendian else 1 :: 2])
 
 
-def _as_picture(picture: NDArray[np.generic]) -> ImageArray:
-    return picture.astype(np.uint8, copy=False)
+def _as_uint8(image: NDArray[np.generic]) -> ImageArray:
+    return image.astype(np.uint8, copy=False)

@@ -1,32 +1,59 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Files that are there whole, or not at all."""
+"""Checks output paths early, and writes text files atomically."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 
 
-def write_atomically(path: str | os.PathLike[str], text: str) -> None:
+def check_writable(path: Path) -> None:
     """
-    Write a text file so that whoever looks finds the old one or the new one, whole.
-
-    That holds when the process is killed at any moment, and, as far as the disk keeps its word,
-    when the power fails. Folders that are missing are made; a link is followed.
+    Check that a file can be written; call it before a long computation.
 
     Raises
     ------
     ConfigError
-        There is no such place to write to, or no room there. What stood there stays.
+        The path is not writable.
+
+    """
+    existed = path.exists()
+    try:
+        with path.open('ab'):
+            pass
+    except OSError as error:
+        raise not_writable(path, error) from None
+    if not existed:
+        path.unlink()
+
+
+def not_writable(path: str | os.PathLike[str], error: OSError) -> ConfigError:
+    """Make the error for a path that cannot be written."""
+    # mkdir reports that a parent of the path is a file as EEXIST.
+    reason = 'Not a directory' if isinstance(error, FileExistsError) else error.strerror
+    return ConfigError(f'{path}: expected a writable path: {reason}')
+
+
+def write_atomically(path: str | os.PathLike[str], text: str) -> None:
+    """
+    Write a text file such that a reader sees either the old content or the new.
+
+    This holds if the process is killed at any time and, as far as the disk honours fsync, on
+    power loss. Missing folders are created; symbolic links are followed.
+
+    Raises
+    ------
+    ConfigError
+        The path is not writable or the disk is full. The old file stays.
 
     """
     target = Path(os.path.realpath(path))
-    # In the same folder, as a rename is atomic within a file system only. One name per process:
-    # what a killed one has left is overwritten some day instead of piling up.
+    # In the same folder, as renames are atomic within one file system only. One name per process
+    # ID, so that files left by killed processes are eventually overwritten.
     beside = target.with_name(f'.{target.name}.{os.getpid()}.tmp')
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -37,14 +64,12 @@ def write_atomically(path: str | os.PathLike[str], text: str) -> None:
             beside.unlink(missing_ok=True)
             raise
         _sync_folder(target.parent)
-    except FileExistsError:  # of a folder to make
-        raise ConfigError(f'{path}: expected a place to write to: Not a directory') from None
     except OSError as error:
-        raise ConfigError(f'{path}: expected a place to write to: {error.strerror}') from None
+        raise not_writable(path, error) from None
 
 
 def _write_through(path: Path, data: bytes) -> None:
-    """Write a file and wait until the disk has it: before that, a rename would be a promise."""
+    """Write a file and sync it to disk; without that, the rename could come first."""
     with path.open('wb') as file:
         file.write(data)
         file.flush()
@@ -52,7 +77,7 @@ def _write_through(path: Path, data: bytes) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Wait until the disk has the folder's new entry."""
+    """Sync a folder's entries to disk."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -1,110 +1,227 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The keys of a calibration file: each value as what it should be, or words for what it is."""
+"""
+Strict reading of YAML files: checked values, and errors that name the key.
+
+`read_yaml` parses a file; `Fields` checks the type, range and unit of each value in it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Hashable, Iterable
 from dataclasses import dataclass
+import difflib
 import math
+import os
+from pathlib import Path
 from typing import Any
 
-_LONGEST = 40
+import yaml
+
+_MERGE = 'tag:yaml.org,2002:merge'
+_PER_METRE = {'m': 1.0, 'mm': 1000.0}
+_MAX_SHOWN = 40
+
+
+class ConfigError(Exception):
+    """A user's file, option or parameter is wrong. One line: where, expected, got."""
+
+
+def read_yaml(path: str | os.PathLike[str]) -> object:
+    """
+    Parse a YAML file; a repeated key is an error.
+
+    Raises
+    ------
+    ConfigError
+        The file is unreadable or not valid YAML.
+
+    """
+    try:
+        with Path(path).open(encoding='utf-8') as file:
+            return yaml.load(file, Loader=_StrictLoader)
+    except OSError as error:
+        raise ConfigError(f'{path}: expected a readable file: {error.strerror}') from None
+    except UnicodeDecodeError:
+        raise ConfigError(f'{path}: expected text in UTF-8') from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        line = f', line {mark.line + 1}' if mark else ''
+        raise ConfigError(f'{path}{line}: expected YAML: {error.problem}') from None
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: an impossible date, for example
+        raise ConfigError(f'{path}: expected YAML: {" ".join(str(error).split())}') from None
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """A safe loader that rejects repeated keys; YAML keeps the last value silently."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[Hashable] = set()
+        for key_node, _ in node.value:
+            if key_node.tag == _MERGE:
+                continue  # merged values may be overridden
+            key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, Hashable):
+                continue  # super() rejects it
+            if key in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f'duplicate key {key!r}', key_node.start_mark
+                )
+            seen.add(key)
+        return super().construct_mapping(node, deep)
 
 
 @dataclass(frozen=True, slots=True)
 class Fields:
     """
-    The values below a key of a YAML file.
+    The keys and values of one YAML mapping.
 
-    Each method raises ``ValueError`` where the value is another one than it is asked for: with
-    the whole path of the key, what was expected and what came.
+    Each method raises ``ValueError('KEY: expected ..., got ...')`` for a wrong value, where KEY
+    is the full dotted path of the key.
+
+    Parameters
+    ----------
+    values
+        The mapping.
+    path
+        Dotted path of the mapping in the file; empty for the whole file.
+
     """
 
-    given: dict[Any, Any]
-    prefix: str = ''
+    values: dict[Any, Any]
+    path: str = ''
 
     @classmethod
-    def of(cls, tree: object, prefix: str = '') -> Fields:
-        """Take what a file or a key holds."""
-        if not isinstance(tree, dict):
-            where = f'{prefix[:-1]}: ' if prefix else ''
-            raise ValueError(f'{where}expected keys and values, got {_shown(tree)}')
-        return cls(tree, prefix)
+    def of(cls, value: object, path: str = '', expected: str = 'keys and values') -> Fields:
+        """Wrap a value, which must be a mapping."""
+        if not isinstance(value, dict):
+            where = f'{path}: ' if path else ''
+            raise ValueError(f'{where}expected {expected}, got {_shown(value)}')
+        return cls(value, path)
 
     def __contains__(self, key: str) -> bool:
-        return key in self.given
+        return key in self.values
 
-    def below(self, key: str) -> Fields:
-        """Take the keys below a key."""
-        return Fields.of(self.given.get(key), f'{self.prefix}{key}.')
+    def path_of(self, key: object) -> str:
+        """Return the dotted path of a key."""
+        return f'{self.path}.{key}' if self.path else str(key)
+
+    def error(self, key: object, expected: str, hint: str = '') -> ValueError:
+        """Make the error for a key whose value is wrong or missing."""
+        got = _shown(self.values[key]) if key in self.values else 'none'
+        return ValueError(f'{self.path_of(key)}: expected {expected}, got {got}{hint}')
+
+    def reject_unknown(self, known: Collection[str], aliases: Collection[str] = ()) -> None:
+        """Reject keys that are neither known nor aliases; suggest the closest known key."""
+        for key in self.values:
+            if key not in known and key not in aliases:
+                raise ValueError(
+                    f'{self.path_of(key)}: unknown key, expected one of {", ".join(known)}'
+                    + _suggestion(key, known)
+                )
+
+    def section(self, key: str, expected: str = 'keys and values') -> Fields:
+        """Return the mapping under a key."""
+        return Fields.of(self.values.get(key), self.path_of(key), expected)
+
+    def sections(self, key: str, each: str, expected: str) -> list[Fields]:
+        """Return the list of mappings under a key; ``each`` describes an expected mapping."""
+        items = self.values.get(key)
+        if not isinstance(items, list):
+            raise self.error(key, expected)
+        return [Fields.of(v, f'{self.path_of(key)}[{n}]', each) for n, v in enumerate(items)]
+
+    def choice(self, key: str, known: Collection[str], default: str | None = None) -> str:
+        """Return one of the known words; without a default, the key is required."""
+        value = self.values.get(key, default)
+        if not isinstance(value, str) or value not in known:
+            hint = _suggestion(value, known)
+            raise self.error(key, f'one of {", ".join(known)}', hint)
+        return value
 
     def word(self, key: str, default: str) -> str:
-        """Take a word, or a whole number as one; the default where there is none."""
-        value = self.given.get(key, default)
+        """Return a word; an integer counts as one."""
+        value = self.values.get(key, default)
         if isinstance(value, int) and not isinstance(value, bool):
             value = str(value)
         if not isinstance(value, str) or not value:
-            raise self._wrong(key, 'a word')
+            raise self.error(key, 'a word')
         return value
 
     def count(self, key: str) -> int:
-        """Take a whole number above 0."""
-        value = self.given.get(key)
+        """Return an integer > 0."""
+        value = self.values.get(key)
         if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-            raise self._wrong(key, 'a whole number > 0')
+            raise self.error(key, 'an integer > 0')
         return value
 
     def number(self, key: str, low: float = -math.inf) -> float:
-        """Take a finite number that is not below another."""
-        value = _number(self.given.get(key))
+        """Return a finite number ≥ low."""
+        value = _number(self.values.get(key))
         if value is None or value < low:
-            at_least = '' if low == -math.inf else f' ≥ {low}'
-            raise self._wrong(key, f'a finite number{at_least}')
+            at_least = '' if low == -math.inf else f' ≥ {low:g}'
+            raise self.error(key, f'a finite number{at_least}')
         return value
 
     def numbers(self, key: str, n: int | None = None) -> tuple[float, ...]:
-        """Take a list of n finite numbers (None: of any length)."""
-        value = self.given.get(key)
-        values = [_number(v) for v in value] if isinstance(value, list) else [None]
-        if None in values or n not in (None, len(values)):
-            raise self._wrong(key, f'a list of {"" if n is None else f"{n} "}finite numbers')
-        return tuple(v for v in values if v is not None)
+        """Return a list of n finite numbers (None: any length)."""
+        value = self.values.get(key)
+        numbers = [_number(v) for v in value] if isinstance(value, list) else [None]
+        if None in numbers or n not in (None, len(numbers)):
+            raise self.error(key, f'a list of {"" if n is None else f"{n} "}finite numbers')
+        return tuple(v for v in numbers if v is not None)
 
-    def matrix(self, key: str, rows: int, cols: int | None) -> tuple[float, ...]:
-        """Take the data of a matrix, row by row, that says its own size (cols None: any)."""
-        at = self.below(key)
-        size = {'rows': rows, 'cols': cols}
-        for name, wanted in size.items():
-            if wanted is not None and at.given.get(name) != wanted:
-                raise at._wrong(name, str(wanted))
-        if cols is None:
-            data = at.numbers('data')
-            if at.given.get('cols') != len(data):
-                raise at._wrong('cols', f'{len(data)}, as data has')
-            return data
-        return at.numbers('data', rows * cols)
+    def length_m(self, name: str, *, is_coordinate: bool = False) -> float | None:
+        """
+        Return a length in metres, given as ``name_m`` or ``name_mm``; None if it is missing.
 
-    def _wrong(self, key: str, expected: str) -> ValueError:
-        got = _shown(self.given[key]) if key in self.given else 'none'
-        return ValueError(f'{self.prefix}{key}: expected {expected}, got {got}')
+        A coordinate may have any sign or be zero; any other length must be > 0.
+        """
+        if name in self.values:
+            raise ValueError(
+                f'{self.path_of(name)}: expected a unit: {name}_m or {name}_mm, got {name}'
+            )
+        units = [unit for unit in _PER_METRE if f'{name}_{unit}' in self.values]
+        if not units:
+            return None
+        key = f'{name}_{units[-1]}'
+        if len(units) > 1:
+            raise ValueError(
+                f'{self.path_of(key)}: expected one of {name}_m and {name}_mm, got both'
+            )
+        value = _number(self.values[key])
+        if value is None or not (is_coordinate or value > 0.0):
+            what = 'a finite coordinate' if is_coordinate else 'a length > 0'
+            raise self.error(key, f'{what} in {units[0]}')
+        return value / _PER_METRE[units[0]]
+
+
+def length_keys(names: Iterable[str]) -> set[str]:
+    """Return the keys that `Fields.length_m` handles, with and without a unit."""
+    return {f'{name}{unit}' for name in names for unit in ('', *(f'_{u}' for u in _PER_METRE))}
 
 
 def _number(value: object) -> float | None:
-    if isinstance(value, str):
-        # YAML 1.2 writes 1e-05 for a number, as ROS does; to YAML 1.1, as read here, it is a word.
-        try:
-            value = float(value)
-        except ValueError:
-            return None
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    """Return a finite float, or None if the value is not a number."""
+    # A string may be a number: PyYAML reads YAML 1.1, where the 1e-05 of ROS's yaml-cpp is none.
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return None
-    return float(value) if math.isfinite(value) else None
+    try:
+        number = float(value)
+    except (ValueError, OverflowError):
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _suggestion(word: object, known: Collection[str]) -> str:
+    near = difflib.get_close_matches(str(word), known, n=1)
+    return f' (did you mean {near[0]}?)' if near else ''
 
 
 def _shown(value: object) -> str:
-    """Say in a line what a value is."""
+    """Return a value as text for an error message."""
     if value is None:
         return 'nothing'
     text = repr(value)
-    return text if len(text) <= _LONGEST else f'{text[:_LONGEST]}...'
+    return text if len(text) <= _MAX_SHOWN else f'{text[:_MAX_SHOWN]}...'

@@ -19,7 +19,7 @@ from matplotlib.path import Path as Outline
 import numpy as np
 from p4pfr_ros.boards import Board, Bundle, Charuco, Chessboard, Marker
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.rendering.pattern import black_quads
 
 _MM_PER_INCH = 25.4

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 import numpy as np
 from p4pfr_ros import Keyframe, SelfCalibration
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.report.calibration_history import draw_history
 from p4pfr_ros.report.calibration_run import COLUMNS, coverage, ROWS, Sighting
 from p4pfr_ros.report.figure_style import BLUE, GREY, ORANGE, STYLE

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 import traceback
 from typing import Any
 
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from .parameters.declare import Parameters

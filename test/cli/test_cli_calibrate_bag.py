@@ -44,8 +44,8 @@ def from_files(pictures, tmp_path, capsys):
 @pytest.mark.parametrize(
     ('storage', 'message', 'topic'),
     [
-        ('sqlite3', recorded.image, '/camera/image_raw'),
-        ('mcap', recorded.compressed, '/camera/image_raw/compressed'),
+        ('sqlite3', recorded.image_message, '/camera/image_raw'),
+        ('mcap', recorded.compressed_message, '/camera/image_raw/compressed'),
     ],
 )
 def test_recording_gives_the_same_camera(
@@ -64,7 +64,7 @@ def test_recording_gives_the_same_camera(
 
 
 def test_misses_of_a_recording_are_counted(pictures, tmp_path, capsys):
-    messages = [recorded.image(read_image(path), i) for i, path in enumerate(pictures)]
+    messages = [recorded.image_message(read_image(path), i) for i, path in enumerate(pictures)]
     bag = recorded.write_bag(tmp_path / 'bag', 'mcap', {'/image': [*messages, *messages[-1:] * 6]})
     assert calibrate('--bag', bag, '-o', tmp_path / 'camera.yaml') == 0
     out, err = capsys.readouterr()
@@ -74,7 +74,7 @@ def test_misses_of_a_recording_are_counted(pictures, tmp_path, capsys):
 
 
 def test_every_third_of_a_recording(pictures, tmp_path, capsys):
-    messages = [recorded.image(read_image(path), i) for i, path in enumerate(pictures)]
+    messages = [recorded.image_message(read_image(path), i) for i, path in enumerate(pictures)]
     bag = recorded.write_bag(tmp_path / 'bag', 'sqlite3', {'/image': messages})
     calibrate('--bag', bag, '-o', tmp_path / 'camera.yaml', '--json', '--every', 3)
     names = [line['name'] for line in json_lines(capsys)[:-1]]
@@ -82,7 +82,7 @@ def test_every_third_of_a_recording(pictures, tmp_path, capsys):
 
 
 def test_missing_topic_is_one_line_with_those_that_are_there(pictures, tmp_path, capsys):
-    message = recorded.image(read_image(pictures[0]), 0)
+    message = recorded.image_message(read_image(pictures[0]), 0)
     bag = recorded.write_bag(tmp_path / 'bag', 'mcap', {'/left': [message], '/right': [message]})
     output = tmp_path / 'camera.yaml'
     assert calibrate('--bag', bag, '--topic', '/image', '-o', output) == 1
@@ -93,7 +93,7 @@ def test_missing_topic_is_one_line_with_those_that_are_there(pictures, tmp_path,
 
 
 def test_recording_that_breaks_off_is_one_line(pictures, tmp_path, capsys):
-    message = recorded.image(read_image(pictures[0]), 0)
+    message = recorded.image_message(read_image(pictures[0]), 0)
     bag = Path(recorded.write_bag(tmp_path / 'bag', 'sqlite3', {'/image': [message] * 3}))
     whole = (bag / 'bag.db3').read_bytes()
     (bag / 'bag.db3').write_bytes(whole[: len(whole) // 2])

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibration files: what goes in comes out, others' are read, and none is ever half a file."""
+"""Calibration files: lossless, compatible with ROS, written atomically."""
 
 from pathlib import Path
 import signal
@@ -13,9 +13,9 @@ import numpy as np
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.many_views.results import CameraEstimate
-from p4pfr_ros.files.boards import ConfigError
 from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
 from p4pfr_ros.files.writing import write_atomically
+from p4pfr_ros.files.yaml_fields import ConfigError
 import pytest
 import yaml
 
@@ -25,8 +25,8 @@ ESTIMATE = CameraEstimate(
     DivisionCamera(612.34567890123, (641.25, 478.5), -0.25, 1e-7), FACTOR @ FACTOR.T, 0.21, 17
 )
 CALIBRATION = Calibration.from_estimate(ESTIMATE, SIZE, 'front_left')
-# As camera_calibration writes it, and as yaml-cpp writes small numbers.
-OTHERS = """\
+# In the form of camera_calibration, with small numbers in the form of yaml-cpp.
+ROS_FILE = """\
 image_width: 640
 image_height: 480
 camera_name: 00b09d01
@@ -56,29 +56,29 @@ def path(tmp_path):
     return tmp_path / 'camera.yaml'
 
 
-def test_a_calibration_survives_its_file(path):
+def test_a_calibration_round_trips(path):
     save_calibration(path, CALIBRATION)
-    back = load_calibration(path)
-    assert (back.image_size, back.camera_name) == (SIZE, 'front_left')
-    assert back.model == CALIBRATION.model
-    assert back.model.residual_px > 0.0
-    assert back.estimate.camera == ESTIMATE.camera
-    np.testing.assert_array_equal(back.estimate.covariance, ESTIMATE.covariance)
-    assert (back.estimate.rms_px, back.estimate.views) == (0.21, 17)
+    loaded = load_calibration(path)
+    assert (loaded.image_size, loaded.camera_name) == (SIZE, 'front_left')
+    assert loaded.model == CALIBRATION.model
+    assert loaded.model.residual_px > 0.0
+    assert loaded.estimate.camera == ESTIMATE.camera
+    np.testing.assert_array_equal(loaded.estimate.covariance, ESTIMATE.covariance)
+    assert (loaded.estimate.rms_px, loaded.estimate.views) == (0.21, 17)
 
 
 @pytest.mark.parametrize(
     ('kind', 'd'),
     [('plumb_bob', (0.1, 0, 0, 0, 1e-9)), ('equidistant', (1, 2, 3, 4)), ('plumb_bob', (0,) * 4)],
 )
-def test_a_calibration_of_others_survives_too(path, kind, d):
+def test_a_calibration_without_estimate_round_trips(path, kind, d):
     model = CameraInfoModel(kind, d, (500.0, 501.0), (3.0, 4.0), 0.0, SIZE)
     save_calibration(path, Calibration(image_size=SIZE, camera_name='123', model=model))
-    back = load_calibration(path)
-    assert (back.model, back.camera_name, back.estimate) == (model, '123', None)
+    loaded = load_calibration(path)
+    assert (loaded.model, loaded.camera_name, loaded.estimate) == (model, '123', None)
 
 
-def test_the_file_has_what_ros_reads(path):
+def test_the_file_has_the_keys_that_ros_reads(path):
     save_calibration(path, CALIBRATION)
     tree = yaml.safe_load(path.read_text())
     shapes = {
@@ -87,26 +87,26 @@ def test_the_file_has_what_ros_reads(path):
         'rectification_matrix': (3, 3),
         'projection_matrix': (3, 4),
     }
-    read = {}
+    matrices = {}
     for key, shape in shapes.items():
         assert (tree[key]['rows'], tree[key]['cols']) == shape
-        read[key] = np.reshape(tree[key]['data'], shape)
+        matrices[key] = np.reshape(tree[key]['data'], shape)
     assert (tree['image_width'], tree['image_height']) == SIZE
     assert tree['camera_name'] == 'front_left'
     assert tree['distortion_model'] == 'rational_polynomial'
     f, (x, y) = ESTIMATE.camera.focal_px, ESTIMATE.camera.center_px
-    np.testing.assert_array_equal(read['camera_matrix'], [[f, 0, x], [0, f, y], [0, 0, 1]])
-    np.testing.assert_array_equal(read['projection_matrix'][:, :3], read['camera_matrix'])
-    np.testing.assert_array_equal(read['projection_matrix'][:, 3], 0.0)
-    np.testing.assert_array_equal(read['rectification_matrix'], np.eye(3))
+    np.testing.assert_array_equal(matrices['camera_matrix'], [[f, 0, x], [0, f, y], [0, 0, 1]])
+    np.testing.assert_array_equal(matrices['projection_matrix'][:, :3], matrices['camera_matrix'])
+    np.testing.assert_array_equal(matrices['projection_matrix'][:, 3], 0.0)
+    np.testing.assert_array_equal(matrices['rectification_matrix'], np.eye(3))
 
 
-def test_a_file_of_camera_calibration_is_read(path):
-    path.write_text(OTHERS)
-    back = load_calibration(path)
-    assert back.camera_name == '00b09d01'
-    assert back.estimate is None
-    assert back.model == CameraInfoModel(
+def test_a_file_of_camera_calibration_is_loaded(path):
+    path.write_text(ROS_FILE)
+    loaded = load_calibration(path)
+    assert loaded.camera_name == '00b09d01'
+    assert loaded.estimate is None
+    assert loaded.model == CameraInfoModel(
         'plumb_bob',
         (-0.28, 0.03, 1e-5, -1.5e-4, 0.0),
         (533.1, 533.2),
@@ -116,16 +116,18 @@ def test_a_file_of_camera_calibration_is_read(path):
     )
 
 
-def test_what_ros_does_without_may_be_missing(path):
-    lines = [line for line in OTHERS.splitlines() if not line.startswith(('camera_name', 'dist'))]
-    at = next(n for n, line in enumerate(OTHERS.splitlines()) if line.startswith('distortion_c'))
+def test_keys_that_ros_does_not_require_may_be_missing(path):
+    lines = [
+        line for line in ROS_FILE.splitlines() if not line.startswith(('camera_name', 'dist'))
+    ]
+    at = next(n for n, line in enumerate(ROS_FILE.splitlines()) if line.startswith('distortion_c'))
     path.write_text('\n'.join([*lines[: at - 2], 'distortion_coefficients:', *lines[at - 2 :]]))
-    back = load_calibration(path)
-    assert (back.camera_name, back.model.distortion_model) == ('unknown', 'plumb_bob')
+    loaded = load_calibration(path)
+    assert (loaded.camera_name, loaded.model.distortion_model) == ('unknown', 'plumb_bob')
 
 
-def test_a_file_that_was_cut_short_is_noticed(path):
-    """Wherever: the last line's end alone may be missing."""
+def test_a_truncated_file_is_rejected(path):
+    """At any length; only the newline at the end may be missing."""
     save_calibration(path, CALIBRATION)
     text = path.read_text()
     for end in (*range(0, len(text) - 1, 29), len(text) - 2):
@@ -135,34 +137,40 @@ def test_a_file_that_was_cut_short_is_noticed(path):
 
 
 @pytest.mark.parametrize(
-    ('change', 'complaint'),
+    ('change', 'message'),
     [
-        (('image_width: 640', ''), 'image_width: expected a whole number > 0, got none'),
-        (('height: 480', 'height: 48.5'), 'image_height: expected a whole number > 0, got 48.5'),
+        (('image_width: 640', ''), 'image_width: expected an integer > 0, got none'),
+        (('height: 480', 'height: 48.5'), 'image_height: expected an integer > 0, got 48.5'),
         (('533.1', '0'), r'camera_matrix\.data: expected focal lengths > 0, got 0.0 and 533.2'),
         (('533.1', '.nan'), r'camera_matrix\.data: expected a list of 9 finite numbers'),
         (('533.1, 0,', '533.1,'), r'camera_matrix\.data: expected a list of 9 finite numbers'),
         (('533.1', 'wide'), r'camera_matrix\.data: expected a list of 9 finite numbers'),
         (('rows: 3', 'rows: 2'), r'camera_matrix\.rows: expected 3, got 2'),
-        (('cols: 5', 'cols: 4'), r'distortion_coefficients\.cols: expected 5, as data has, got 4'),
+        (
+            ('cols: 5', 'cols: 4'),
+            r'distortion_coefficients\.cols: expected 5, the length of data, got 4',
+        ),
         (('plumb_bob', 'fov'), "distortion_model: expected one of plumb_bob, .*, got 'fov'"),
-        (('plumb_bob', 'equidistant'), r'distortion_coefficients\.data: expected 4 of equidista'),
+        (
+            ('plumb_bob', 'equidistant'),
+            r'distortion_coefficients\.data: expected 4 numbers for equidista',
+        ),
         (('projection_matrix:\n', 'projection:\n'), 'projection_matrix: expected keys and values'),
         (('avg_reprojection_error: 0.2', 'division: 7'), 'division: expected keys and values'),
         (('image_width: 640', '- 640'), 'expected YAML'),
     ],
 )
-def test_a_wrong_file_is_described(path, change, complaint):
-    assert change[0] in OTHERS
-    path.write_text(OTHERS.replace(*change, 1))
-    with pytest.raises(ConfigError, match=f'{path}.*{complaint}'):
+def test_a_wrong_file_is_reported_with_the_key(path, change, message):
+    assert change[0] in ROS_FILE
+    path.write_text(ROS_FILE.replace(*change, 1))
+    with pytest.raises(ConfigError, match=f'{path}.*{message}'):
         load_calibration(path)
 
 
 @pytest.mark.parametrize(
-    ('change', 'complaint'),
+    ('change', 'message'),
     [
-        (('views: 17', 'views: 0'), r'division\.views: expected a whole number > 0, got 0'),
+        (('views: 17', 'views: 0'), r'division\.views: expected an integer > 0, got 0'),
         (('rms_px: 0.21', 'rms_px: -1'), r'division\.rms_px must be finite and ≥ 0, got -1'),
         (('focal_px: 612', 'focal_px: -612'), r'division\.focal_px must be > 0'),
         (('k2: 1.0e-07', 'k2: yes'), r'division\.k2: expected a finite number, got True'),
@@ -174,46 +182,46 @@ def test_a_wrong_file_is_described(path, change, complaint):
         ),
     ],
 )
-def test_wrong_numbers_of_our_own_are_described(path, change, complaint):
+def test_a_wrong_estimate_is_reported_with_the_key(path, change, message):
     save_calibration(path, CALIBRATION)
     text = path.read_text()
     assert change[0] in text
     path.write_text(text.replace(*change, 1))
-    with pytest.raises(ConfigError, match=f'^{path}: {complaint}'):
+    with pytest.raises(ConfigError, match=f'^{path}: {message}'):
         load_calibration(path)
 
 
-def test_no_file_is_no_calibration(tmp_path):
+def test_a_missing_file_is_reported(tmp_path):
     with pytest.raises(ConfigError, match='expected a readable file'):
         load_calibration(tmp_path / 'none.yaml')
 
 
-def test_picture_and_model_are_of_one_size():
-    with pytest.raises(ValueError, match='image_size must be that of the model'):
+def test_image_sizes_of_calibration_and_model_must_match():
+    with pytest.raises(ValueError, match="image_size must be the model's"):
         Calibration(image_size=(640, 480), camera_name='x', model=CALIBRATION.model)
 
 
-def test_folders_are_made_and_links_followed(tmp_path):
-    behind = tmp_path / 'a' / 'b' / 'camera.yaml'
+def test_folders_are_created_and_links_followed(tmp_path):
+    target = tmp_path / 'a' / 'b' / 'camera.yaml'
     link = tmp_path / 'link.yaml'
-    link.symlink_to(behind)
+    link.symlink_to(target)
     save_calibration(link, CALIBRATION)
     assert link.is_symlink()
-    assert load_calibration(behind).camera_name == 'front_left'
-    assert [p.name for p in behind.parent.iterdir()] == ['camera.yaml']
+    assert load_calibration(target).camera_name == 'front_left'
+    assert [p.name for p in target.parent.iterdir()] == ['camera.yaml']
 
 
-def test_a_place_that_cannot_be_written_to_is_named(tmp_path):
-    (tmp_path / 'file').write_text('no folder')
-    with pytest.raises(ConfigError, match='expected a place to write to: Not a directory'):
+def test_an_unwritable_path_is_reported(tmp_path):
+    (tmp_path / 'file').write_text('not a folder')
+    with pytest.raises(ConfigError, match='expected a writable path: Not a directory'):
         save_calibration(tmp_path / 'file' / 'camera.yaml', CALIBRATION)
-    with pytest.raises(ConfigError, match='expected a place to write to'):
+    with pytest.raises(ConfigError, match='expected a writable path'):
         save_calibration(tmp_path, CALIBRATION)
     assert [p.name for p in tmp_path.iterdir()] == ['file']
 
 
-def test_a_disk_that_fills_up_leaves_the_old_file(path):
-    """The limit on a file's size stands in for it: the system refuses the same call."""
+def test_a_full_disk_leaves_the_old_file(path):
+    """Simulated by a limit on the file size, which fails the same system call."""
     path.write_text('old')
     code = f"""
 import resource, signal
@@ -229,8 +237,8 @@ write_atomically({str(path)!r}, 'new' * 1000)
     assert [p.name for p in path.parent.iterdir()] == ['camera.yaml']
 
 
-def test_killed_while_saving_leaves_a_whole_file(path):
-    """SIGKILL at some hundredth of a second, of a process that does nothing but save."""
+def test_a_kill_while_saving_leaves_a_complete_file(path):
+    """SIGKILL, after various delays, a process that saves in a loop."""
     texts = ['a' * 3_000_000, 'b' * 2_000_000]
     write_atomically(path, texts[0])
     code = f"""

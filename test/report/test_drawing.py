@@ -12,8 +12,8 @@ from p4pfr_ros.boards import Marker
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.minimal.solution import Solution
 from p4pfr_ros.detection import detect
-from p4pfr_ros.files.boards import ConfigError
 from p4pfr_ros.files.images import read_image
+from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.rendering import render
 from p4pfr_ros.rendering.pattern import black_quads
 from p4pfr_ros.rendering.printing import describe, print_board

@@ -9,8 +9,9 @@ import xml.etree.ElementTree as ET
 from matplotlib.figure import Figure
 import numpy as np
 from p4pfr_ros import CameraEstimate, DivisionCamera, EstimateOptions, Verdict
-from p4pfr_ros.files.boards import ConfigError, load_board
+from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.images import read_image
+from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.report.calibration_history import draw_history
 from p4pfr_ros.report.calibration_run import (
     COLUMNS,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from p4pfr_ros import CalibrationOptions, EstimateOptions
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.ros.parameters.declare import flattened, parameter, Parameters, replaced
 from p4pfr_ros.ros.parameters.options import (
     CameraSimulatorOptions,

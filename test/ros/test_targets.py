@@ -3,7 +3,7 @@
 
 """The boards of a file: their topics, their frames, their numbers."""
 
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
 from p4pfr_ros.ros.pose.targets import MARKER, Targets
 from p4pfr_ros.ros.runtime.rejections import Rejected

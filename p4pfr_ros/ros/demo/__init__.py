@@ -18,8 +18,9 @@ import time
 
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.boards import Board
-from p4pfr_ros.files.boards import ConfigError, load_board
-from p4pfr_ros.files.places import check_place
+from p4pfr_ros.files.boards import load_board
+from p4pfr_ros.files.writing import check_writable
+from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.rendering import render
 from p4pfr_ros.scenes.board_path import SimulatedPath
 import rclpy
@@ -94,7 +95,7 @@ class _Record:
 
 def _run(console: Console, record: _Record, duration_s: float) -> list[str]:
     """Watch the nodes for a while and draw what they saw; return why that failed, if it did."""
-    check_place(Path(PICTURE))
+    check_writable(Path(PICTURE))
     # Nobody else's nodes are to hear this, nor this to hear theirs.
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)

@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 from p4pfr_ros.boards import Board
-from p4pfr_ros.files.boards import ConfigError, load_board, load_boards
+from p4pfr_ros.files.boards import load_board, load_boards
+from p4pfr_ros.files.yaml_fields import ConfigError
 
 
 def required_board(node_name: str, board_file: str) -> Board:

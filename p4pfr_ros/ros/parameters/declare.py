@@ -15,7 +15,7 @@ import dataclasses
 from difflib import get_close_matches
 from typing import Any, Generic, TypeVar
 
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,

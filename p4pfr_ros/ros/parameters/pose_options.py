@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 import re
 
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 
 from .calibration_options import SelfCalibrationOptions
 from .declare import parameter

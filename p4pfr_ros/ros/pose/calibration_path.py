@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 from urllib.parse import unquote
 
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 
 _FILE = 'file://'
 

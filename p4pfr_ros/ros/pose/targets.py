@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import re
 
 from p4pfr_ros.boards import Board
-from p4pfr_ros.files.boards import ConfigError, load_boards
+from p4pfr_ros.files.boards import load_boards
+from p4pfr_ros.files.yaml_fields import ConfigError
 
 from ..parameters.pose_options import PoseNodeOptions
 from ..runtime.rejections import Rejected

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 from rclpy.client import Client
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import NameValidationException
