@@ -27,9 +27,9 @@ from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
 from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.images import ImageArray, read_image
-from p4pfr_ros.report.calibration_history import draw_history
-from p4pfr_ros.report.calibration_run import NamedPicture, PictureCalibration, Sighting
+from p4pfr_ros.report.calibration_run import CalibrationRun, NamedImage, ViewRecord
 from p4pfr_ros.report.figure_style import STYLE
+from p4pfr_ros.report.plots import draw_history
 
 _ROOT = Path(__file__).parent.parent
 BOARD = _ROOT / 'config/boards/chessboard_9x6_25mm.yaml'
@@ -76,12 +76,12 @@ def read_photos(folder: Path) -> dict[str, ImageArray]:
     return {path.name: read_image(path) for path in sorted(folder.glob('left*.jpg'))}
 
 
-def converge(photos: Mapping[str, ImageArray], board: Board) -> list[Sighting]:
+def converge(photos: Mapping[str, ImageArray], board: Board) -> list[ViewRecord]:
     """Calibrate from the photographs, one by one."""
-    run = PictureCalibration(board, EstimateOptions())
+    run = CalibrationRun(board, EstimateOptions())
     for name, photo in photos.items():
-        run.look_at(NamedPicture(name, photo))
-    return run.sightings
+        run.add(NamedImage(name, photo))
+    return run.records
 
 
 def opencv(photos: Mapping[str, ImageArray], board: Board, corners_px: Sequence[Array]) -> Camera:
@@ -115,7 +115,7 @@ def _opencv_corners(photo: ImageArray) -> Array:
     return corners
 
 
-def _print_table(steps: Sequence[Sighting], peers: Mapping[str, Camera]) -> None:
+def _print_table(steps: Sequence[ViewRecord], peers: Mapping[str, Camera]) -> None:
     print(_row('', 'focal length, px', 'centre x, px', 'centre y, px'))
     for step in steps:
         if step.fused is not None:
@@ -137,7 +137,7 @@ def _with_sigmas(fused: CameraEstimate) -> list[str]:
     return [f'{value:.2f} ± {sigma:.2f}' for value, sigma in zip(values, sigmas, strict=True)]
 
 
-def _draw(steps: Sequence[Sighting], peers: Mapping[str, Camera], output: Path) -> None:
+def _draw(steps: Sequence[ViewRecord], peers: Mapping[str, Camera], output: Path) -> None:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(12.0, 3.6), layout='constrained')
         draw_history(figure, steps, peers)

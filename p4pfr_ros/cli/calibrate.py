@@ -1,136 +1,206 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``p4pfr calibrate``: pictures or a recording of a board to a camera's calibration."""
+"""``p4pfr calibrate``: a camera from many images. Stands alone as one of the commands."""
 
 from __future__ import annotations
 
 import argparse
-from contextlib import AbstractContextManager, nullcontext
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+import json
+import math
 from pathlib import Path
 import sys
+from typing import Any
 
-from p4pfr_ros import CalibrationState, EstimateOptions
-from p4pfr_ros.cli.arguments import add_seed, add_threshold, count
-from p4pfr_ros.cli.calibration_report import (
-    print_calibration_json,
-    print_misses,
-    print_summary,
-    print_view_json,
-    print_views,
-)
-from p4pfr_ros.cli.picture_sources import from_bag, from_files, PictureSource
-from p4pfr_ros.cli.progress import with_progress
+import numpy as np
+from p4pfr_ros import CalibrationState, CameraEstimate, EstimateOptions, Verdict
+from p4pfr_ros.cli.arguments import add_seed, add_threshold, count, find_images, require
+from p4pfr_ros.cli.terminal import print_table, with_progress
 from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.calibration import Calibration, save_calibration
+from p4pfr_ros.files.images import image_or_reason, ImageArray
+from p4pfr_ros.files.pixel_formats import Unreadable
 from p4pfr_ros.files.writing import check_writable
 from p4pfr_ros.files.yaml_fields import ConfigError
-from p4pfr_ros.report.calibration_run import PictureCalibration
+from p4pfr_ros.report.calibration_run import CalibrationRun, NamedImage, RejectedImage, ViewRecord
+from p4pfr_ros.report.numbers import plus_minus
 
 _EPILOG = """\
-The pictures are taken in their order, as a robot's camera would see them, and
-each gets a verdict: what it did for the calibration. Those without the board
-are named on stderr, and cost nothing else. All must be of one size.
+Images are processed in the given order, like those of a running camera, and
+must all have the same size. The verdict of a view states how the calibration
+used it. Images without the board are reported on stderr and otherwise ignored.
 
-The file is camera_calibration's YAML, which camera drivers load. It is written
-when the camera is calibrated, that is, known well enough; else nothing is, the
-reason is on stderr, and the exit status is 1. --force writes what there is.
-The report of --plot is written in either case: it shows what is missing.
+The output is a YAML file of camera_calibration, which camera drivers load. It
+is written if the camera is calibrated, that is, if all uncertainties are
+within tolerance; otherwise the reason is printed to stderr and the exit status
+is 1. --force writes an uncalibrated camera as well. The report of --plot is
+written in either case.
 
---json prints one JSON object per picture and line, and then one with the
-camera, or with null if there is none. Lengths are pixels; sigma holds standard
-deviations, null where a number was held and not estimated.
+With --json, each line is a JSON object for one image, and the last line holds
+the camera, or null if there is none. Lengths are in pixels; sigma holds
+standard deviations, null for parameters that were held fixed.
 """
+_HEADINGS = ('', 'image', 'points', 'inliers', 'rms, px', 'f, px', 'verdict')
+_UNKNOWN = '?'
+# With more views than this, those that did not change the camera get no row.
+_MAX_ROWS = 100
+_NO_CHANGE = (Verdict.REDUNDANT, Verdict.NO_POSE)
+_NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageSource:
+    """
+    A sequence of images.
+
+    Parameters
+    ----------
+    name
+        Where the images come from.
+    images
+        The images, each read when it is needed.
+    count
+        Number of images, if known.
+
+    """
+
+    name: str
+    images: Iterable[NamedImage]
+    count: int | None
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Describe the command to argparse."""
+    """Add the command to the parser."""
     parser = commands.add_parser(
         'calibrate',
-        help='calibrate a camera from pictures or a bag of a board',
+        help='calibrate a camera from images or a bag of a board',
+        description='Calibrate a camera from images or a bag of a board.',
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.set_defaults(run=run, usage_error=parser.error)
     add = parser.add_argument
-    add('images', nargs='*', type=Path, metavar='IMAGE', help='picture, or directory of them')
-    add('--bag', type=Path, metavar='BAG', help='rosbag2 instead: directory, .db3 or .mcap file')
-    add('--topic', help="the bag's topic (default: the only one that has pictures)")
-    add('--every', type=count, default=1, metavar='N', help='take every N-th picture only')
-    add('--board', required=True, metavar='FILE', help='the board, in YAML')
-    add('-o', '--output', required=True, type=Path, metavar='FILE', help='where to, in YAML')
-    add('--name', default='camera', help='camera_name in there (default: %(default)s)')
-    add('--plot', type=Path, metavar='FILE', help='write a report there: a .png, .svg or .pdf')
+    add('images', nargs='*', type=Path, metavar='IMAGE', help='image, or directory of images')
+    add('--bag', type=Path, metavar='BAG', help='rosbag2 to read: directory, .db3 or .mcap file')
+    add('--topic', help="image topic in the bag (default: the bag's only image topic)")
+    add('--every', type=count, default=1, metavar='N', help='use every N-th image only')
+    add('--board', required=True, metavar='FILE', help='board file (YAML)')
+    add('-o', '--output', required=True, type=Path, metavar='FILE', help='output file (YAML)')
+    add('--name', default='camera', help='camera_name in the output (default: %(default)s)')
+    add('--plot', type=Path, metavar='FILE', help='write a report as .png, .svg or .pdf')
     add('--json', action='store_true', help='print JSON lines instead of a table')
-    add('--force', action='store_true', help='write a camera that is not yet known well too')
+    add('--force', action='store_true', help='write the camera even if it is not calibrated')
     add_threshold(parser)
     add_seed(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Calibrate; return 1 if nothing was written."""
-    if bool(arguments.images) == bool(arguments.bag):
-        arguments.usage_error('expected pictures or --bag, one of the two')
-    if arguments.topic and not arguments.bag:
-        arguments.usage_error('--topic is of a --bag')
-    _check_places(arguments)
-    robust = EstimateOptions(threshold_px=arguments.threshold, seed=arguments.seed)
-    pictures = PictureCalibration(load_board(arguments.board), robust)
+    """Calibrate; return 1 if no calibration was written."""
+    _check(arguments)
+    options = EstimateOptions(threshold_px=arguments.threshold, seed=arguments.seed)
+    calibration_run = CalibrationRun(load_board(arguments.board), options)
     with _source(arguments) as source:
-        for named in with_progress(source.pictures, source.count, prints=arguments.json):
-            seen = pictures.look_at(named)
+        for named in with_progress(source.images, source.count, prints=arguments.json):
+            result = calibration_run.add(named)
             if arguments.json:
-                print_view_json(seen)
-    calibration = _calibration(pictures, arguments.name)
+                print_image_json(result)
+    calibration = _calibration(calibration_run, arguments.name)
     if arguments.json:
-        print_calibration_json(pictures, calibration)
+        _print_calibration_json(calibration_run, calibration)
     else:
-        print_views(pictures)
-        print_misses(pictures.misses, source.name if arguments.bag else None)
-        print_summary(pictures, calibration)
-    return _write(arguments, pictures, calibration)
+        print_views(calibration_run.records)
+        print_rejected(calibration_run.rejected, source.name if arguments.bag else None)
+        _print_summary(calibration_run, calibration)
+    return _write(arguments, calibration_run, calibration)
 
 
-def _check_places(arguments: argparse.Namespace) -> None:
-    """See that the results can be written, before anybody waits for them."""
+def _check(arguments: argparse.Namespace) -> None:
+    """Check what can be checked before the long computation."""
+    if bool(arguments.images) == bool(arguments.bag):
+        arguments.usage_error('expected either images or --bag')
+    if arguments.topic and not arguments.bag:
+        arguments.usage_error('--topic requires --bag')
+    if not arguments.json:
+        require('rich')
     check_writable(arguments.output)
     if arguments.plot:
-        # matplotlib is behind it, which takes a while.
-        from p4pfr_ros.report.plots import check_ending
+        require('matplotlib')
+        from p4pfr_ros.report.plots import check_suffix  # imports matplotlib: slow
 
-        check_ending(arguments.plot)
+        check_suffix(arguments.plot)
         check_writable(arguments.plot)
 
 
-def _source(arguments: argparse.Namespace) -> AbstractContextManager[PictureSource]:
+def _source(arguments: argparse.Namespace) -> AbstractContextManager[ImageSource]:
     if arguments.bag:
-        return from_bag(arguments.bag, arguments.topic, arguments.every)
-    return nullcontext(from_files(arguments.images, arguments.every))
+        return _from_bag(arguments.bag, arguments.topic, arguments.every)
+    paths = find_images(arguments.images)[:: arguments.every]
+    images = (NamedImage(str(path), image_or_reason(path)) for path in paths)
+    return nullcontext(ImageSource('images', images, len(paths)))
 
 
-def _calibration(pictures: PictureCalibration, name: str) -> Calibration | None:
-    if pictures.calibration is None or pictures.fused is None:
+@contextmanager
+def _from_bag(path: Path, topic: str | None, every: int) -> Iterator[ImageSource]:
+    """
+    Open a bag; its images are named by their stamps in seconds.
+
+    Raises
+    ------
+    ConfigError
+        See `ImageBag`; also while reading images.
+
+    """
+    from p4pfr_ros.files.bags import ImageBag
+
+    with ImageBag(path, topic) as bag:
+        total = -(-bag.count // every) if bag.count else None
+        images = (
+            NamedImage(_seconds(item.stamp_ns), _image_or_reason(item.image))
+            for item in bag.images(every)
+        )
+        yield ImageSource(f'{path} {bag.topic}', images, total)
+
+
+def _seconds(stamp_ns: int) -> str:
+    """Format a stamp like ROS tools: seconds with nine decimals."""
+    return f'{stamp_ns // _NS_PER_S}.{stamp_ns % _NS_PER_S:09d}'
+
+
+def _image_or_reason(image: ImageArray | Unreadable) -> ImageArray | str:
+    return image.reason if isinstance(image, Unreadable) else image
+
+
+def _calibration(calibration_run: CalibrationRun, name: str) -> Calibration | None:
+    if calibration_run.calibration is None or calibration_run.fused is None:
         return None
-    size = pictures.calibration.image_size
-    model = pictures.fused.camera.to_camera_info_model(size)
-    return Calibration(image_size=size, camera_name=name, model=model, estimate=pictures.fused)
+    return Calibration.from_estimate(
+        calibration_run.fused, calibration_run.calibration.image_size, name
+    )
 
 
 def _write(
-    arguments: argparse.Namespace, pictures: PictureCalibration, calibration: Calibration | None
+    arguments: argparse.Namespace, calibration_run: CalibrationRun, calibration: Calibration | None
 ) -> int:
-    if calibration is None or pictures.calibration is None:
-        reason = 'no picture shows the board' if not pictures.sightings else 'no view tells enough'
+    if calibration is None or calibration_run.calibration is None:
+        reason = (
+            'the views do not determine the camera'
+            if calibration_run.records
+            else 'the board was not detected in any image'
+        )
         raise ConfigError(f'{arguments.output}: not written: {reason}')
     if arguments.plot:
         from p4pfr_ros.report.plots import write_report
 
-        write_report(arguments.plot, pictures.calibration, pictures.sightings)
-    state = pictures.calibration.state
+        write_report(arguments.plot, calibration_run.calibration, calibration_run.records)
+    state = calibration_run.calibration.state
     if state is not CalibrationState.CALIBRATED and not arguments.force:
         print(
             f'p4pfr: {arguments.output}: not written: {state.value} '
-            '(more views, tilted and up to the corners, or --force)',
+            '(add views: tilted, and covering the image corners; or use --force)',
             file=sys.stderr,
         )
         return 1
@@ -138,3 +208,125 @@ def _write(
     if not arguments.json:
         print(f'{arguments.output}: written')
     return 0
+
+
+def print_image_json(result: ViewRecord | RejectedImage) -> None:
+    """Print one line about an image: a JSON object without NaN."""
+    line: dict[str, Any] = {'image': result.number, 'name': result.name}
+    if isinstance(result, RejectedImage):
+        line |= {'reason': result.reason}
+    else:
+        line |= {
+            'points': result.points,
+            'inliers': result.inliers,
+            'rms_px': result.rms_px,
+            'verdict': _word(result.verdict),
+            'camera': _camera_as_json(result.fused) if result.fused else None,
+        }
+    print(json.dumps(line, allow_nan=False), flush=True)
+
+
+def _print_calibration_json(
+    calibration_run: CalibrationRun, calibration: Calibration | None
+) -> None:
+    """Print the last line: the calibration."""
+    line: dict[str, Any] = {'calibration': None}
+    if (
+        calibration is not None
+        and calibration_run.calibration is not None
+        and calibration_run.fused is not None
+    ):
+        model = calibration.model
+        line['calibration'] = {
+            'state': calibration_run.calibration.state.name.lower(),
+            'image_size': list(calibration.image_size),
+            **_camera_as_json(calibration_run.fused),
+            'coverage': calibration_run.coverage,
+            'camera_info': {
+                'distortion_model': model.distortion_model,
+                'd': list(model.coefficients),
+                'focal_px': list(model.focal_px),
+                'center_px': list(model.center_px),
+                'residual_px': model.residual_px,
+            },
+        }
+    print(json.dumps(line, allow_nan=False), flush=True)
+
+
+def _camera_as_json(estimate: CameraEstimate) -> dict[str, Any]:
+    camera = estimate.camera
+    sigmas = [sigma or None for sigma in _sigmas(estimate)]
+    return {
+        'focal_px': camera.focal_px,
+        'center_px': list(camera.center_px),
+        'k': [camera.k, camera.k2, camera.k3],
+        'sigma': {'focal_px': sigmas[0], 'center_px': sigmas[1:3], 'k': sigmas[3:]},
+        'rms_px': estimate.rms_px,
+        'views': estimate.views,
+    }
+
+
+def print_views(records: Sequence[ViewRecord]) -> None:
+    """Print a row for each view; of more than 100, only for those that changed the camera."""
+    if not records:
+        return
+    shown = records
+    if len(records) > _MAX_ROWS:
+        shown = [record for record in records if record.verdict not in _NO_CHANGE]
+    print_table(_HEADINGS, map(_cells, shown), left=('image', 'verdict'))
+    for verdict, views in Counter(record.verdict for record in records).most_common():
+        print(f'{views} {_word(verdict)}: {verdict.value}')
+    print()
+
+
+def _cells(record: ViewRecord) -> Iterator[str]:
+    yield str(record.number)
+    yield record.name
+    yield str(record.points)
+    yield str(record.inliers)
+    yield f'{record.rms_px:.3f}'
+    fused = record.fused
+    yield plus_minus(fused.camera.focal_px, fused.focal_sigma_px) if fused else _UNKNOWN
+    yield _word(record.verdict)
+
+
+def print_rejected(rejected: Sequence[RejectedImage], bag: str | None) -> None:
+    """Print to stderr why images were rejected; for a bag, the number of images per reason."""
+    if bag is None:
+        for image in rejected:
+            print(f'p4pfr: {image.name}: {image.reason}', file=sys.stderr)
+        return
+    for reason, number in Counter(image.reason for image in rejected).most_common():
+        images = '1 image' if number == 1 else f'{number} images'
+        print(f'p4pfr: {bag}: {images}: {reason}', file=sys.stderr)
+
+
+def _print_summary(calibration_run: CalibrationRun, calibration: Calibration | None) -> None:
+    """Print the camera with its standard deviations, and the fitted CameraInfo model."""
+    if calibration is None or calibration_run.calibration is None or calibration_run.fused is None:
+        return
+    fused, model = calibration_run.fused, calibration.model
+    f_sigma, x_sigma, y_sigma, *k_sigmas = _sigmas(fused)
+    x, y = fused.camera.center_px
+    width, height = calibration.image_size
+    print(calibration_run.calibration.state.value)
+    print(f'  views        {fused.views} of {width}x{height} px, rms {fused.rms_px:.3f} px')
+    print(f'  focal length {plus_minus(fused.camera.focal_px, f_sigma)} px')
+    print(f'  centre       {plus_minus(x, x_sigma)}, {plus_minus(y, y_sigma)} px')
+    ks = (fused.camera.k, fused.camera.k2, fused.camera.k3)
+    for name, k, sigma in zip(('k', 'k2', 'k3'), ks, k_sigmas, strict=True):
+        if name == 'k' or k != 0.0:
+            print(f'  {name:<12} {plus_minus(k, sigma)}')
+    print(f'  coverage     {100.0 * calibration_run.coverage:.0f} % of the image')
+    print(
+        f'  CameraInfo   {model.distortion_model}, within {model.residual_px:.2g} px of the above'
+    )
+
+
+def _sigmas(estimate: CameraEstimate) -> list[float]:
+    """Return the standard deviations of f, centre x and y, k, k2 and k3; 0 if held fixed."""
+    return [math.sqrt(max(0.0, float(v))) for v in np.diag(estimate.covariance)]
+
+
+def _word(verdict: Verdict) -> str:
+    return verdict.name.lower()

@@ -1,66 +1,107 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``p4pfr estimate``: pictures of a board to poses, each picture by itself."""
+"""``p4pfr estimate``: pose and camera from single images. Stands alone as one of the commands."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+import json
+import math
 from pathlib import Path
 import sys
+from typing import Any
 
-from p4pfr_ros import EstimateOptions
-from p4pfr_ros.cli.answers import Answer, NoAnswer
-from p4pfr_ros.cli.arguments import add_seed, add_threshold, finite, positive
-from p4pfr_ros.cli.pictures import answer_from, check_names, find_pictures, Question
-from p4pfr_ros.cli.progress import with_progress
-from p4pfr_ros.cli.report import print_json_line, print_table
+from p4pfr_ros import estimate_pose, EstimateOptions, Observability, PoseEstimate, Solution
+from p4pfr_ros.boards import Board
+from p4pfr_ros.cli.arguments import add_seed, add_threshold, find_images, finite, positive, require
+from p4pfr_ros.cli.terminal import print_table, with_progress
+from p4pfr_ros.detection import detect
 from p4pfr_ros.files.boards import load_board
+from p4pfr_ros.files.images import image_or_reason, write_image
 from p4pfr_ros.files.yaml_fields import ConfigError
+from p4pfr_ros.report.drawing import annotate
 
 _EPILOG = """\
-Every picture is solved by itself: nothing is carried over from one to the next.
-The exit status is 1 if one of them has no answer; the reasons are on stderr.
+Each image is processed independently. The exit status is 1 if any image has
+no estimate; the reasons are printed to stderr.
 
---json prints one JSON object per picture and line. Lengths are metres, angles
-degrees; the pose is camera_from_board; sigma holds standard deviations. What
-the view cannot tell is null and named in not_observable; where it is because
-several solutions explain the view, candidates has them all, the likeliest
-first. A picture without an answer has the key reason, and no other but image.
+With --json, each line is a JSON object for one image. Lengths are in metres,
+angles in degrees; the pose is camera_from_board; sigma holds standard
+deviations. Quantities that the view does not determine are null and listed in
+not_observable. If several solutions fit the view equally well, candidates
+lists them all, the most likely first. An image without an estimate has the
+keys image and reason only.
 """
+_HEADINGS = (
+    'image',
+    'x y z, m',
+    'quaternion x y z w',
+    'tilt, °',
+    'distance, m',
+    'f, px',
+    'k',
+    'rms, px',
+    'inliers',
+)
+_UNKNOWN = '?'
+_ALL = Observability(direction=True, distance=True, focal=True, distortion=True)
+
+
+@dataclass(frozen=True, slots=True)
+class FailedImage:
+    """An image without an estimate, and why."""
+
+    path: Path
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageEstimate:
+    """An image (width and height in pixels) and its estimate; model is the estimate's."""
+
+    path: Path
+    image_size: tuple[int, int]
+    model: Solution
+    estimate: PoseEstimate
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Describe the command to argparse."""
+    """Add the command to the parser."""
     parser = commands.add_parser(
         'estimate',
-        help='pose, focal length and distortion from pictures of a board',
+        help='estimate pose, focal length and distortion from single images of a board',
+        description='Estimate pose, focal length and distortion from single images of a board.',
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.set_defaults(run=run)
     add = parser.add_argument
-    add('images', nargs='+', type=Path, metavar='IMAGE', help='picture, or directory of them')
-    add('--board', required=True, metavar='FILE', help='the board, in YAML')
-    add('--draw', type=Path, metavar='DIR', help='write there what was found in each picture')
+    add('images', nargs='+', type=Path, metavar='IMAGE', help='image, or directory of images')
+    add('--board', required=True, metavar='FILE', help='board file (YAML)')
+    add('--draw', type=Path, metavar='DIR', help='write images with corners and pose to DIR')
     add('--json', action='store_true', help='print JSON lines instead of a table')
     add(
         '--center',
         nargs=2,
         type=finite,
         metavar=('X', 'Y'),
-        help="the lens's centre in the picture, px (default: the middle)",
+        help='principal point, px (default: the image centre)',
     )
     add_threshold(parser)
-    _add_knowledge(parser)
     add_seed(parser)
+    _add_priors(parser)
 
 
-def _add_knowledge(parser: argparse.ArgumentParser) -> None:
-    known = parser.add_argument_group('what is known beforehand')
-    known.add_argument('--sigma', type=positive, metavar='PX', help='noise of a corner, px')
-    for name, what in (('focal', 'focal length, px,'), ('k', 'distortion')):
-        known.add_argument(
+def _add_priors(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group('priors')
+    group.add_argument(
+        '--sigma', type=positive, metavar='PX', help='standard deviation of the corners, px'
+    )
+    for name, what in (('focal', 'focal length, px,'), ('k', 'distortion k')):
+        group.add_argument(
             f'--prior-{name}',
             nargs=2,
             type=finite,
@@ -70,38 +111,30 @@ def _add_knowledge(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Answer for each picture; return 1 if one of them has no answer."""
-    question = _question(arguments)
-    paths = find_pictures(arguments.images)
-    if question.draw_folder:
-        check_names(paths)
-    answers: list[Answer] = []
-    failures: list[NoAnswer] = []
-    for path in with_progress(paths, len(paths), prints=arguments.json):
-        answer = answer_from(path, question)
-        if arguments.json:
-            print_json_line(answer)
-        if isinstance(answer, Answer):
-            answers.append(answer)
-        else:
-            failures.append(answer)
+    """Process the images; return 1 if any has no estimate."""
     if not arguments.json:
-        print_table(answers)
+        require('rich')
+    options = _options(arguments)
+    board = load_board(arguments.board)
+    center_px = tuple(arguments.center) if arguments.center else None
+    paths = find_images(arguments.images)
+    if arguments.draw:
+        _prepare_drawing(arguments.draw, paths)
+    estimates: list[ImageEstimate] = []
+    failures: list[FailedImage] = []
+    for path in with_progress(paths, len(paths), prints=arguments.json):
+        result = _estimate(path, board, center_px, options, arguments.draw)
+        if arguments.json:
+            _print_json(result)
+        if isinstance(result, ImageEstimate):
+            estimates.append(result)
+        else:
+            failures.append(result)
+    if not arguments.json:
+        _print_results(estimates)
     for failure in failures:
         print(f'p4pfr: {failure.path}: {failure.reason}', file=sys.stderr)
     return int(bool(failures))
-
-
-def _question(arguments: argparse.Namespace) -> Question:
-    options = _options(arguments)
-    folder: Path | None = arguments.draw
-    if folder:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(f'--draw {folder}: {error.strerror}') from None
-    center = (arguments.center[0], arguments.center[1]) if arguments.center else None
-    return Question(load_board(arguments.board), options, center, folder)
 
 
 def _options(arguments: argparse.Namespace) -> EstimateOptions:
@@ -117,5 +150,167 @@ def _options(arguments: argparse.Namespace) -> EstimateOptions:
             prior_k=k,
             prior_k_sigma=k_sigma,
         )
-    except ValueError as error:  # a prior's sigma, say, that is no sigma
+    except ValueError as error:  # a standard deviation out of range, for example
         raise ConfigError(str(error)) from None
+
+
+def _prepare_drawing(folder: Path, images: Iterable[Path]) -> None:
+    """
+    Create the folder for drawings, and check that each image gets a file of its own.
+
+    Raises
+    ------
+    ConfigError
+        The folder cannot be created, or two images have the same name.
+
+    """
+    by_name: dict[str, Path] = {}
+    for path in images:
+        if path.stem in by_name:
+            first = by_name[path.stem]
+            raise ConfigError(f'--draw: {first} and {path} would be written to the same file')
+        by_name[path.stem] = path
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f'--draw {folder}: {error.strerror}') from None
+
+
+def _estimate(
+    path: Path,
+    board: Board,
+    center_px: tuple[float, float] | None,
+    options: EstimateOptions,
+    draw_folder: Path | None,
+) -> ImageEstimate | FailedImage:
+    """
+    Read an image, detect the board and estimate its pose; draw the result if requested.
+
+    Raises
+    ------
+    ConfigError
+        The drawing cannot be written.
+
+    """
+    image = image_or_reason(path)
+    if isinstance(image, str):
+        return FailedImage(path, image)
+    detection = detect(image, board)
+    if detection.reason:
+        return FailedImage(path, detection.reason)
+    height, width = image.shape[:2]
+    estimate = estimate_pose(
+        detection.image_points,
+        detection.board_points,
+        image_size=(width, height),
+        center_px=center_px,
+        options=options,
+    )
+    if estimate.model is None:
+        return FailedImage(path, estimate.status.value)
+    if draw_folder:
+        drawing = annotate(image, detection, estimate.model, board)
+        write_image(draw_folder / f'{path.stem}_pose.png', drawing)
+    return ImageEstimate(path, (width, height), estimate.model, estimate)
+
+
+def _print_json(result: ImageEstimate | FailedImage) -> None:
+    """Print one line: a JSON object without NaN."""
+    if isinstance(result, FailedImage):
+        line: dict[str, Any] = {'image': str(result.path), 'reason': result.reason}
+    else:
+        line = _as_json(result)
+    print(json.dumps(line, allow_nan=False), flush=True)
+
+
+def _as_json(result: ImageEstimate) -> dict[str, Any]:
+    estimate = result.estimate
+    observable = estimate.observable
+    return {
+        'image': str(result.path),
+        'image_size': list(result.image_size),
+        **_solution_as_json(result.model, observable),
+        'sigma': {
+            'distance_m': _distance_sigma_m(estimate) if observable.distance else None,
+            'focal_px': _focal_sigma_px(estimate) if observable.focal else None,
+            'k': _k_sigma(estimate) if observable.distortion else None,
+        },
+        'rms_px': estimate.rms_px,
+        'points': len(estimate.inliers),
+        'inliers': int(estimate.inliers.sum()),
+        'not_observable': list(observable.undetermined),
+        'candidates': [_solution_as_json(candidate, _ALL) for candidate in _candidates(result)],
+    }
+
+
+def _solution_as_json(solution: Solution, observable: Observability) -> dict[str, Any]:
+    pose, camera = solution.camera_from_board, solution.camera
+    return {
+        'position_m': pose.translation.tolist() if observable.distance else None,
+        'quaternion_xyzw': pose.quaternion_xyzw().tolist() if observable.direction else None,
+        'tilt_deg': pose.tilt_deg if observable.direction else None,
+        'distance_m': pose.distance if observable.distance else None,
+        'focal_px': camera.focal_px if observable.focal else None,
+        'k': camera.k if observable.distortion else None,
+        'center_px': list(camera.center_px),
+    }
+
+
+def _candidates(result: ImageEstimate) -> list[Solution]:
+    """Return all solutions of an ambiguous view, the best first; none if it is unambiguous."""
+    alternatives = list(result.estimate.alternatives)
+    return [result.model, *alternatives] if alternatives else []
+
+
+def _print_results(results: Sequence[ImageEstimate]) -> None:
+    """Print a row for each image, and below them notes on ambiguous or degenerate views."""
+    if not results:
+        return
+    print_table(_HEADINGS, (_cells(result) for result in results))
+    for note in _notes(results):
+        print(note)
+
+
+def _cells(result: ImageEstimate) -> Iterator[str]:
+    estimate, pose, camera = result.estimate, result.model.camera_from_board, result.model.camera
+    observable = estimate.observable
+    yield str(result.path)
+    yield _joined(pose.translation, 3) if observable.distance else _UNKNOWN
+    yield _joined(pose.quaternion_xyzw(), 3) if observable.direction else _UNKNOWN
+    yield f'{pose.tilt_deg:.1f}' if observable.direction else _UNKNOWN
+    yield f'{pose.distance:.3f}' if observable.distance else _UNKNOWN
+    f_sigma, k_sigma = _focal_sigma_px(estimate), _k_sigma(estimate)
+    yield f'{camera.focal_px:.1f} ± {f_sigma:.1f}' if observable.focal else _UNKNOWN
+    yield f'{camera.k:.3f} ± {k_sigma:.3f}' if observable.distortion else _UNKNOWN
+    yield f'{estimate.rms_px:.2f}'
+    yield f'{estimate.inliers.sum()}/{len(estimate.inliers)}'
+
+
+def _joined(values: Iterable[float], digits: int) -> str:
+    return ' '.join(f'{value:.{digits}f}' for value in values)
+
+
+def _notes(results: Iterable[ImageEstimate]) -> Iterator[str]:
+    for result in results:
+        undetermined = result.estimate.observable.undetermined
+        if undetermined:
+            yield f'{result.path}: not determined by this view: {", ".join(undetermined)}'
+        candidates = len(_candidates(result))
+        if candidates:
+            yield f'{result.path}: {candidates} solutions fit this view equally well (see --json)'
+
+
+# To be replaced by the properties of the same names of PoseEstimate.
+def _focal_sigma_px(estimate: PoseEstimate) -> float:
+    return math.sqrt(estimate.covariance[6, 6])
+
+
+def _k_sigma(estimate: PoseEstimate) -> float:
+    return math.sqrt(estimate.covariance[7, 7])
+
+
+def _distance_sigma_m(estimate: PoseEstimate) -> float:
+    assert estimate.model is not None
+    pose = estimate.model.camera_from_board
+    sight = pose.translation / pose.distance
+    return math.sqrt(sight @ estimate.covariance[:3, :3] @ sight)

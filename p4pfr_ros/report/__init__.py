@@ -1,4 +1,4 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Figures and texts for people."""
+"""Records, figures and texts of results, for people."""

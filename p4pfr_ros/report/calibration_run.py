@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A camera calibrated from pictures, one after another, and what became of each."""
+"""The calibration of a camera from a sequence of images, with a record of each image."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
 from p4pfr_ros.files.images import ImageArray
 
-# The picture is divided into cells: those with a corner in them are covered.
+# The grid in which the coverage of the image is counted.
 COLUMNS, ROWS = 10, 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NamedPicture:
-    """A picture, or the reason why there is none, and what it is called."""
+class NamedImage:
+    """An image, or the reason why it could not be read, and its name."""
 
     name: str
-    picture: ImageArray | str
+    image: ImageArray | str
 
 
 @dataclass(frozen=True, slots=True)
-class Miss:
-    """A picture that could not be used, and why; numbers count from 1."""
+class RejectedImage:
+    """An image without a usable view, and why; numbers count from 1."""
 
     number: int
     name: str
@@ -36,18 +36,18 @@ class Miss:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sighting:
+class ViewRecord:
     """
-    A picture that shows the board; numbers count from 1.
+    The view of the board in one image; numbers count images from 1.
 
     points, inliers
-        How many points were found, and how many agree with the view's estimate.
+        Number of detected points, and of those consistent with the view's estimate.
     rms_px
-        Over the inliers.
+        Root mean square reprojection error of the inliers.
     verdict
-        What the calibration made of the view.
+        How the calibration used the view.
     fused
-        The camera from all the views so far, once there is one.
+        The camera estimated from all views up to this one, if any.
     """
 
     number: int
@@ -59,60 +59,69 @@ class Sighting:
     fused: CameraEstimate | None
 
 
-class PictureCalibration:
+class CalibrationRun:
     """
-    Shows pictures of a board to a `SelfCalibration`, and keeps what became of each.
+    Feeds images of a board to a `SelfCalibration`, and records the result of each.
 
-    The first picture that shows the board says how large all have to be.
+    The first image in which the board is detected sets the image size for all others.
     """
 
-    def __init__(self, board: Board, robust: EstimateOptions) -> None:
+    def __init__(self, board: Board, options: EstimateOptions) -> None:
         self._board = board
-        self._robust = robust
+        self._options = options
         self.calibration: SelfCalibration | None = None
-        self.sightings: list[Sighting] = []
-        self.misses: list[Miss] = []
+        self.records: list[ViewRecord] = []
+        self.rejected: list[RejectedImage] = []
 
     @property
     def fused(self) -> CameraEstimate | None:
-        """Return the camera from all the views, if there is one."""
+        """The camera estimated from all views, if any."""
         return self.calibration.fused if self.calibration else None
 
     @property
-    def views(self) -> tuple[Keyframe, ...]:
-        """Return the views that the camera comes from; their stamps are the pictures' numbers."""
+    def keyframes(self) -> tuple[Keyframe, ...]:
+        """The views that the camera is estimated from; their stamps are image numbers."""
         return self.calibration.views if self.calibration else ()
 
-    def look_at(self, named: NamedPicture) -> Sighting | Miss:
-        """Take one picture in."""
-        number = len(self.sightings) + len(self.misses) + 1
-        seen = self._sighting(number, named)
-        if isinstance(seen, str):
-            miss = Miss(number, named.name, seen)
-            self.misses.append(miss)
-            return miss
-        self.sightings.append(seen)
-        return seen
+    @property
+    def coverage(self) -> float:
+        """Share of the image's cells that contain an inlier of a keyframe."""
+        if self.calibration is None or not self.keyframes:
+            return 0.0
+        points = np.concatenate([view.image_points[view.inliers] for view in self.keyframes])
+        return float((count_per_cell(points, self.calibration.image_size) > 0).mean())
 
-    def _sighting(self, number: int, named: NamedPicture) -> Sighting | str:
-        if isinstance(named.picture, str):
-            return named.picture
-        found = detect(named.picture, self._board)
-        if found.reason:
-            return found.reason
-        height, width = named.picture.shape[:2]
+    def add(self, named: NamedImage) -> ViewRecord | RejectedImage:
+        """Detect the board in an image and update the calibration."""
+        number = len(self.records) + len(self.rejected) + 1
+        record = self._record(number, named)
+        if isinstance(record, str):
+            rejected = RejectedImage(number, named.name, record)
+            self.rejected.append(rejected)
+            return rejected
+        self.records.append(record)
+        return record
+
+    def _record(self, number: int, named: NamedImage) -> ViewRecord | str:
+        """Return the record of an image, or why it is rejected."""
+        if isinstance(named.image, str):
+            return named.image
+        detection = detect(named.image, self._board)
+        if detection.reason:
+            return detection.reason
+        height, width = named.image.shape[:2]
         if self.calibration is None:
-            self.calibration = SelfCalibration((width, height), robust=self._robust)
+            self.calibration = SelfCalibration((width, height), robust=self._options)
         if self.calibration.image_size != (width, height):
             expected = '{}x{}'.format(*self.calibration.image_size)
-            return f'expected {expected} px like the pictures before, got {width}x{height}'
-        estimate = self.calibration.update(found.image_points, found.board_points, number)
+            return f'expected {expected} px like the previous images, got {width}x{height}'
+        estimate = self.calibration.update(detection.image_points, detection.board_points, number)
         if estimate.model is None:
             return estimate.status.value
-        return Sighting(
+        return ViewRecord(
             number,
             named.name,
-            len(found.ids),
+            len(detection.ids),
             int(estimate.inliers.sum()),
             estimate.rms_px,
             self.calibration.verdict,
@@ -120,10 +129,10 @@ class PictureCalibration:
         )
 
 
-def coverage(points_px: Array, image_size: tuple[int, int]) -> Array:
-    """Count points (N, 2) in each cell of the picture: (ROWS, COLUMNS)."""
+def count_per_cell(points_px: Array, image_size: tuple[int, int]) -> Array:
+    """Count points (N, 2) in each cell of the image: (ROWS, COLUMNS)."""
     width, height = image_size
-    # Pixel centres are integers, so the picture begins half a pixel before 0.
+    # Pixel centres are integers, so the image starts at -0.5.
     edges_x = np.linspace(-0.5, width - 0.5, COLUMNS + 1)
     edges_y = np.linspace(-0.5, height - 0.5, ROWS + 1)
     counts: Array = np.histogram2d(points_px[:, 1], points_px[:, 0], (edges_y, edges_x))[0]

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pictures for people: what was found drawn onto the picture, and the picture straightened."""
+"""Draws detections and poses onto images, and undistorts images."""
 
 from __future__ import annotations
 
@@ -10,27 +10,25 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from p4pfr_ros.boards import Board
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.core.minimal.solution import Solution
 from p4pfr_ros.detection import Detection
+from p4pfr_ros.files.images import ImageArray
 
 __all__ = ['annotate', 'straighten', 'straightened_camera']
-
-ImageArray = NDArray[np.uint8]
 
 # Blue, green, red.
 _CORNER, _OUTLINE = (0, 215, 255), (255, 160, 0)
 _AXES = ((60, 60, 255), (60, 200, 60), (255, 90, 60))  # x red, y green, z blue
 _INK = (255, 255, 255)
-# cv2 draws at sixteenths of a pixel.
+# Fractional bits of the coordinates that cv2 draws at: 1/16 px.
 _SHIFT = 4
-# Pieces that a straight edge is drawn in, as the lens bends it.
-_PIECES = 48
-# Lines are drawn for a picture of this height, and thicker on larger ones.
-_HEIGHT_PX = 480.0
+# Segments per straight edge, which lens distortion bends.
+_SEGMENTS = 48
+# Line widths are given for images of this height; larger images get wider lines.
+_REFERENCE_HEIGHT_PX = 480.0
 
 
 def annotate(
@@ -40,23 +38,27 @@ def annotate(
     board: Board | None = None,
 ) -> ImageArray:
     """
-    Draw what was found onto a copy of a picture: (h, w, 3) BGR.
+    Draw a detection, and optionally the board's pose, onto a copy of an image.
 
     Parameters
     ----------
     image
         (h, w) or (h, w, 3) uint8.
     detection
-        Its points are circled; where it has none, its reason is written.
+        Its points are circled; if it has none, its reason is written.
     solution
-        With it and ``board``, the board's outline and axes (x red, y green, z blue) are drawn as
-        this camera sees them, curved as its lens bends them.
+        If given together with ``board``, the board's outline and axes (x red, y green, z blue)
+        are projected with it, lens distortion included.
     board
-        What was looked for.
+        The detected board.
+
+    Returns
+    -------
+    The annotated image, (h, w, 3) BGR.
 
     """
     canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
-    scale = max(1.0, canvas.shape[0] / _HEIGHT_PX)
+    scale = max(1.0, canvas.shape[0] / _REFERENCE_HEIGHT_PX)
     if solution is not None and board is not None:
         _draw_board(canvas, solution, board, scale)
     for point in detection.image_points:
@@ -70,36 +72,41 @@ def straighten(
     image: ImageArray, camera: DivisionCamera, *, max_fov_deg: float = 120.0
 ) -> ImageArray:
     """
-    Take a lens's distortion out of a picture; same size, black where nothing was seen.
+    Undistort an image, as seen by the pinhole camera `straightened_camera`.
 
-    The result is what the pinhole camera `straightened_camera` sees.
+    The image size stays the same; pixels outside the original image are black.
     """
     height, width = image.shape[:2]
     pinhole = straightened_camera(camera, (width, height), max_fov_deg=max_fov_deg)
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
-    seen_at = camera.project(pinhole.unproject(pixels))
-    # A place outside of the picture, for what no pixel sees.
-    seen_at = np.where(np.isfinite(seen_at), np.clip(seen_at, -9.0, 1e5), -9.0)
-    x, y = np.moveaxis(seen_at.astype(np.float32), -1, 0)
-    straight = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-    return np.asarray(straight)
+    source_px = camera.project(pinhole.unproject(pixels))
+    # (-9, -9), which is outside the image, for rays that no pixel sees.
+    source_px = np.where(np.isfinite(source_px), np.clip(source_px, -9.0, 1e5), -9.0)
+    x, y = np.moveaxis(source_px.astype(np.float32), -1, 0)
+    undistorted = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    return np.asarray(undistorted)
 
 
 def straightened_camera(
     camera: DivisionCamera, image_size: tuple[int, int], *, max_fov_deg: float = 120.0
 ) -> DivisionCamera:
     """
-    Return the pinhole camera, at the same place, that shows all that a camera sees.
+    Return the pinhole camera with the same image size that covers a camera's field of view.
 
     Parameters
     ----------
     camera
         The camera with distortion.
     image_size
-        Width and height of its pictures, and of the pinhole camera's, pixels.
+        Width and height of the images of both cameras, pixels.
     max_fov_deg
-        The widest field of view, on the diagonal, that is kept: a pinhole camera can show no
-        180 degrees, and shows little else but the margin before that. 1 to 170.
+        Limit on the diagonal field of view, 1 to 170 degrees. A pinhole image cannot reach 180
+        degrees, and close to that consists mostly of its stretched margin.
+
+    Raises
+    ------
+    ValueError
+        max_fov_deg is out of range.
 
     """
     if not 1.0 <= max_fov_deg <= 170.0:
@@ -129,14 +136,14 @@ def _draw_board(canvas: ImageArray, solution: Solution, board: Board, scale: flo
     x, y = 0.5 * width_m, 0.5 * height_m
     outline = [(-x, y, 0.0), (x, y, 0.0), (x, -y, 0.0), (-x, -y, 0.0), (-x, y, 0.0)]
     for start, end in pairwise(outline):
-        _bent_line(canvas, solution, start, end, _OUTLINE, 1.5 * scale)
+        _draw_line(canvas, solution, start, end, _OUTLINE, 1.5 * scale)
     length_m = 0.35 * min(board.sheet_size_m)
     for axis, colour in zip(np.eye(3), _AXES, strict=True):
         end = tuple((length_m * axis).tolist())
-        _bent_line(canvas, solution, (0.0, 0.0, 0.0), end, colour, 3.0 * scale)
+        _draw_line(canvas, solution, (0.0, 0.0, 0.0), end, colour, 3.0 * scale)
 
 
-def _bent_line(
+def _draw_line(
     canvas: ImageArray,
     solution: Solution,
     start: tuple[float, ...],
@@ -144,14 +151,15 @@ def _bent_line(
     colour: tuple[int, int, int],
     thickness_px: float,
 ) -> None:
-    """Draw a straight line of the board's frame as the camera sees it."""
-    in_board = np.linspace(start, end, _PIECES + 1)
+    """Draw a straight line of the board frame, distorted by the lens."""
+    in_board = np.linspace(start, end, _SEGMENTS + 1)
     in_camera = solution.camera_from_board.transform(in_board)
     pixels = solution.camera.project(in_camera)
-    # Far outside, cv2's integers would overflow.
-    seen = np.isfinite(pixels).all(axis=1) & (np.abs(pixels) < 1e5).all(axis=1)
-    for piece in np.split(pixels[seen], np.flatnonzero(np.diff(np.flatnonzero(seen)) > 1) + 1):
-        points = np.rint(piece * 2**_SHIFT).astype(np.int32)
+    # Far outside the image, the integer coordinates of cv2 would overflow.
+    visible = np.isfinite(pixels).all(axis=1) & (np.abs(pixels) < 1e5).all(axis=1)
+    gaps = np.flatnonzero(np.diff(np.flatnonzero(visible)) > 1) + 1
+    for part in np.split(pixels[visible], gaps):
+        points = np.rint(part * 2**_SHIFT).astype(np.int32)
         thickness = max(1, round(thickness_px))
         cv2.polylines(canvas, [points], False, colour, thickness, cv2.LINE_AA, _SHIFT)
 
@@ -163,9 +171,9 @@ def _circle(canvas: ImageArray, point: Array, radius_px: float, thickness_px: fl
 
 
 def _write(canvas: ImageArray, text: str, scale: float) -> None:
-    """Write a line at the top left, on a dark bar: readable on any picture."""
+    """Write a line of text at the top left, on a dark bar."""
     height = round(30 * scale)
     canvas[:height] = canvas[:height] // 4
-    place, thickness = (round(8 * scale), round(20 * scale)), max(1, round(scale))
+    origin, thickness = (round(8 * scale), round(20 * scale)), max(1, round(scale))
     font = cv2.FONT_HERSHEY_SIMPLEX
-    cv2.putText(canvas, text, place, font, 0.5 * scale, _INK, thickness, cv2.LINE_AA)
+    cv2.putText(canvas, text, origin, font, 0.5 * scale, _INK, thickness, cv2.LINE_AA)

@@ -1,7 +1,11 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How all our figures look."""
+"""
+Colours and matplotlib settings of all figures.
+
+The module stands alone because benchmarks and docs use it as well.
+"""
 
 from __future__ import annotations
 

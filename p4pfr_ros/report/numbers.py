@@ -1,22 +1,22 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A number and its standard deviation for people."""
+"""Formats numbers with their standard deviations."""
 
 from __future__ import annotations
 
 import math
 
-_MOST_DIGITS = 9
+_MAX_DIGITS = 9
 
 
 def plus_minus(value: float, sigma: float) -> str:
     """
-    Write two digits of σ, and as many of the number behind the point as they allow.
+    Format a number and its standard deviation, rounded to two digits of the latter.
 
-    Where σ is 0 nothing was estimated: the number was held where it is.
+    A standard deviation of 0 marks a parameter that was held fixed.
     """
     if not sigma > 0.0:
         return f'{value:g} (held)'
-    digits = min(max(0, 1 - math.floor(math.log10(sigma))), _MOST_DIGITS)
+    digits = min(max(0, 1 - math.floor(math.log10(sigma))), _MAX_DIGITS)
     return f'{value:.{digits}f} ± {sigma:.{digits}f}'

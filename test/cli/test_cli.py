@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The command ``p4pfr`` as a process, and its smaller parts."""
+"""The command ``p4pfr`` as a process; ``p4pfr board`` and ``p4pfr demo``."""
 
 import json
 import math
@@ -22,29 +22,29 @@ COMMAND = [sys.executable, '-m', 'p4pfr_ros', 'estimate', '--board', CHESSBOARD,
 
 @pytest.fixture
 def empty(tmp_path):
-    """Give the path of a picture of nothing."""
+    """Return the path of an image without a board."""
     write_empty(tmp_path / 'empty.png')
     return str(tmp_path / 'empty.png')
 
 
-def test_board_prints_what_it_detects(tmp_path, capsys):
+def test_printed_board_is_detected(tmp_path, capsys):
     path = tmp_path / 'board.png'
     assert main(['board', CHESSBOARD, '-o', str(path), '--dpi', '100']) == 0
     assert capsys.readouterr().out.startswith(f'{path}: board: chessboard 9x6')
-    picture = read_image(path)
-    assert picture.shape[1] == math.ceil(275.0 / 25.4 * 100.0)  # eleven squares of 25 mm
-    found, _ = cv2.findChessboardCorners(picture, (9, 6))
+    image = read_image(path)
+    assert image.shape[1] == math.ceil(275.0 / 25.4 * 100.0)  # eleven squares of 25 mm
+    found, _ = cv2.findChessboardCorners(image, (9, 6))
     assert found
 
 
-def test_board_wants_an_ending_that_it_knows(tmp_path, capsys):
+def test_board_rejects_other_formats(tmp_path, capsys):
     assert main(['board', CHESSBOARD, '-o', str(tmp_path / 'board.gif')]) == 1
     err = capsys.readouterr().err
     assert err == f'p4pfr: {tmp_path}/board.gif: expected a name that ends in .pdf or .png\n'
 
 
 @pytest.mark.parametrize('dpi', ['2', '0.001'])
-def test_board_wants_a_resolution_that_shows_it(tmp_path, capsys, dpi):
+def test_board_rejects_low_resolutions(tmp_path, capsys, dpi):
     path = tmp_path / 'board.png'
     assert main(['board', CHESSBOARD, '-o', str(path), '--dpi', dpi]) == 1
     assert capsys.readouterr().err == f'p4pfr: {path}: expected at least 20 dpi, got {dpi}\n'
@@ -52,8 +52,8 @@ def test_board_wants_a_resolution_that_shows_it(tmp_path, capsys, dpi):
     assert main(['board', CHESSBOARD, '-o', str(path), '--dpi', '20']) == 0
 
 
-def test_reader_who_leaves_early_is_no_crash(empty):
-    with many_pictures(empty, 200) as process:
+def test_closed_pipe_ends_quietly(empty):
+    with many_images(empty, 200) as process:
         process.stdout.readline()
         process.stdout.close()
         err = process.stderr.read()
@@ -61,11 +61,11 @@ def test_reader_who_leaves_early_is_no_crash(empty):
     assert err == ''
 
 
-def test_reader_who_has_left_before_the_end_is_no_crash(tmp_path):
+def test_pipe_closed_before_the_last_flush_ends_quietly(tmp_path):
     reader, writer = os.pipe()
     os.close(reader)
     board = [sys.executable, '-m', 'p4pfr_ros', 'board', CHESSBOARD, '-o', tmp_path / 'board.png']
-    # Buffered, as a pipe is by default: then it is the flush at the end that fails.
+    # Buffered, the default for a pipe, so that the flush at the end fails.
     buffered = {key: value for key, value in os.environ.items() if key != 'PYTHONUNBUFFERED'}
     run = subprocess.run(board, stdout=writer, stderr=subprocess.PIPE, text=True, env=buffered)
     os.close(writer)
@@ -74,7 +74,7 @@ def test_reader_who_has_left_before_the_end_is_no_crash(tmp_path):
 
 
 def test_interrupt_ends_quietly(empty):
-    with many_pictures(empty, 2000) as process:
+    with many_images(empty, 2000) as process:
         process.stdout.readline()
         process.send_signal(signal.SIGINT)
         _, err = process.communicate()
@@ -82,37 +82,37 @@ def test_interrupt_ends_quietly(empty):
     assert err == ''
 
 
-def many_pictures(empty, count):
-    """Start the command on a lot of work."""
+def many_images(empty, count):
+    """Start the command on many images."""
     pipe = subprocess.PIPE
     return subprocess.Popen([*COMMAND, *[empty] * count], stdout=pipe, stderr=pipe, text=True)
 
 
-def test_bar_is_on_the_terminal_and_the_answers_are_not(empty):
-    terminal, its_end = pty.openpty()
+def test_bar_is_on_stderr_and_results_are_on_stdout(empty):
+    terminal, device = pty.openpty()
     run = subprocess.run(
         [*COMMAND, empty, empty],
         stdout=subprocess.PIPE,
-        stderr=its_end,
+        stderr=device,
         text=True,
         env={**os.environ, 'TERM': 'xterm'},
     )
-    os.close(its_end)
+    os.close(device)
     on_terminal = os.read(terminal, 100_000).decode()
     os.close(terminal)
     assert len([json.loads(line) for line in run.stdout.splitlines()]) == 2
-    assert 'pictures' in on_terminal
+    assert 'images' in on_terminal
     assert '%' in on_terminal
 
 
-def test_demo_without_ros_says_what_to_install():
+def test_demo_without_ros_names_the_extra():
     code = (
         "import sys; sys.modules['rclpy'] = None; from p4pfr_ros.cli import main; main(['demo'])"
     )
     err = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True).stderr
     assert err == (
-        'p4pfr: the demo needs ROS 2 (rclpy is missing): '
-        "source a ROS, or pip install 'p4pfr_ros[ros]'\n"
+        'p4pfr: the demo requires ROS 2 (rclpy is missing): '
+        "source a ROS 2 installation, or pip install 'p4pfr_ros[ros]'\n"
     )
 
 

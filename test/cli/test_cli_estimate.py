@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``p4pfr estimate`` on rendered pictures."""
+"""``p4pfr estimate`` on rendered images."""
 
 import json
 
@@ -15,7 +15,7 @@ from rendered import CHESSBOARD, FOCAL_PX, K, MARKER, TILT_DEG, write_empty, wri
 
 @pytest.fixture(scope='module')
 def scenes(tmp_path_factory):
-    """Give a folder with two pictures of a chessboard, of two sizes, and one of nothing."""
+    """Return a folder with a chessboard in two image sizes, and an image without a board."""
     folder = tmp_path_factory.mktemp('scenes')
     write_scene(folder / 'a.png', CHESSBOARD)
     write_scene(folder / 'b[red].png', CHESSBOARD, size=(800, 600))
@@ -28,31 +28,31 @@ def estimate(*arguments, board=CHESSBOARD):
     return main(['estimate', '--board', board, *map(str, arguments)])
 
 
-def test_json_is_the_truth(scenes, capsys):
+def test_json_has_the_true_pose_and_camera(scenes, capsys):
     pose = write_scene(scenes / 'c.png', CHESSBOARD)
     assert estimate(scenes / 'c.png', '--json') == 0
-    [line] = capsys.readouterr().out.splitlines()
-    answer = json.loads(line)
-    assert answer['image'] == str(scenes / 'c.png')
-    assert answer['image_size'] == [640, 480]
-    assert answer['center_px'] == [319.5, 239.5]
-    assert answer['tilt_deg'] == pytest.approx(TILT_DEG, abs=0.5)
-    assert answer['position_m'] == pytest.approx(pose.translation.tolist(), abs=0.01)
-    found = Pose.from_quaternion_xyzw(answer['quaternion_xyzw'], answer['position_m'])
-    np.testing.assert_allclose(found.rotation, pose.rotation, atol=0.02)
-    assert answer['distance_m'] == pytest.approx(np.linalg.norm(pose.translation), rel=0.02)
-    assert answer['focal_px'] == pytest.approx(FOCAL_PX, rel=0.02)
-    assert answer['k'] == pytest.approx(K, abs=0.02)
-    assert answer['rms_px'] < 0.3
-    assert answer['inliers'] == answer['points'] == 54
-    assert answer['not_observable'] == answer['candidates'] == []
-    sigma = answer['sigma']
+    [text] = capsys.readouterr().out.splitlines()
+    line = json.loads(text)
+    assert line['image'] == str(scenes / 'c.png')
+    assert line['image_size'] == [640, 480]
+    assert line['center_px'] == [319.5, 239.5]
+    assert line['tilt_deg'] == pytest.approx(TILT_DEG, abs=0.5)
+    assert line['position_m'] == pytest.approx(pose.translation.tolist(), abs=0.01)
+    estimated = Pose.from_quaternion_xyzw(line['quaternion_xyzw'], line['position_m'])
+    np.testing.assert_allclose(estimated.rotation, pose.rotation, atol=0.02)
+    assert line['distance_m'] == pytest.approx(np.linalg.norm(pose.translation), rel=0.02)
+    assert line['focal_px'] == pytest.approx(FOCAL_PX, rel=0.02)
+    assert line['k'] == pytest.approx(K, abs=0.02)
+    assert line['rms_px'] < 0.3
+    assert line['inliers'] == line['points'] == 54
+    assert line['not_observable'] == line['candidates'] == []
+    sigma = line['sigma']
     assert 0.0 < sigma['focal_px'] < 5.0
     assert 0.0 < sigma['k'] < 0.05
     assert 0.0 < sigma['distance_m'] < 0.01
 
 
-def test_table_has_a_row_for_each_picture_of_any_size(scenes, capsys):
+def test_table_has_a_row_for_each_image(scenes, capsys):
     assert estimate(scenes / 'a.png', scenes / 'b[red].png') == 0
     out, err = capsys.readouterr()
     assert err == ''
@@ -62,74 +62,74 @@ def test_table_has_a_row_for_each_picture_of_any_size(scenes, capsys):
     assert tilts == pytest.approx([TILT_DEG, TILT_DEG], abs=0.5)
 
 
-def test_picture_without_board_is_told_and_the_others_are_answered(scenes, capsys):
+def test_image_without_board_is_reported_and_does_not_affect_the_others(scenes, capsys):
     assert estimate(scenes / 'empty.png', scenes / 'a.png') == 1
     out, err = capsys.readouterr()
     assert err == f'p4pfr: {scenes / "empty.png"}: no 9x6 chessboard found\n'
     assert '54/54' in out
 
 
-def test_json_tells_the_reason_too(scenes, capsys):
+def test_json_has_the_reason(scenes, capsys):
     assert estimate(scenes / 'empty.png', scenes / 'a.png', '--json') == 1
     first, second = map(json.loads, capsys.readouterr().out.splitlines())
     assert first == {'image': str(scenes / 'empty.png'), 'reason': 'no 9x6 chessboard found'}
     assert 'reason' not in second
 
 
-def test_missing_and_cut_pictures_cost_only_themselves(scenes, tmp_path, capsys):
-    cut = tmp_path / 'cut.png'
-    cut.write_bytes((scenes / 'a.png').read_bytes()[:2000])
-    assert estimate(tmp_path / 'none.png', cut, scenes / 'a.png') == 1
+def test_missing_and_truncated_images_do_not_affect_the_others(scenes, tmp_path, capsys):
+    truncated = tmp_path / 'truncated.png'
+    truncated.write_bytes((scenes / 'a.png').read_bytes()[:2000])
+    assert estimate(tmp_path / 'none.png', truncated, scenes / 'a.png') == 1
     out, err = capsys.readouterr()
     first, second = err.splitlines()
-    assert first.startswith(f'p4pfr: {tmp_path / "none.png"}: expected a readable picture')
-    assert second == f'p4pfr: {cut}: expected a whole picture, got a file that is cut short'
+    assert first.startswith(f'p4pfr: {tmp_path / "none.png"}: expected a readable image')
+    assert second == f'p4pfr: {truncated}: expected a complete image, got a truncated file'
     assert '54/54' in out
 
 
-def test_directory_is_its_pictures_in_order(tmp_path, capsys):
+def test_directory_is_replaced_by_its_images_in_order(tmp_path, capsys):
     for name in ('2.png', '1.PNG', 'notes.txt'):
-        (tmp_path / name).write_text('no picture')
+        (tmp_path / name).write_text('not an image')
     assert estimate(tmp_path) == 1
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith(f'p4pfr: {tmp_path / "1.PNG"}: ')
     assert second.startswith(f'p4pfr: {tmp_path / "2.png"}: ')
 
 
-def test_directory_without_pictures_is_an_error(tmp_path, capsys):
+def test_directory_without_images_is_an_error(tmp_path, capsys):
     assert estimate(tmp_path) == 1
-    expected = f'p4pfr: {tmp_path}: expected a directory with pictures, found none\n'
+    expected = f'p4pfr: {tmp_path}: expected a directory with images, got none\n'
     assert capsys.readouterr().err == expected
 
 
-def test_head_on_view_says_what_it_cannot_tell(tmp_path, capsys):
+def test_head_on_view_reports_what_it_does_not_determine(tmp_path, capsys):
     write_scene(tmp_path / 'flat.png', CHESSBOARD, turn_rad=np.zeros(3))
     assert estimate(tmp_path / 'flat.png', '--json') == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert {'distance', 'focal'} <= set(answer['not_observable'])
-    assert answer['focal_px'] is answer['distance_m'] is answer['position_m'] is None
-    assert answer['sigma']['focal_px'] is None
-    assert answer['rms_px'] < 0.3
+    line = json.loads(capsys.readouterr().out)
+    assert {'distance', 'focal'} <= set(line['not_observable'])
+    assert line['focal_px'] is line['distance_m'] is line['position_m'] is None
+    assert line['sigma']['focal_px'] is None
+    assert line['rms_px'] < 0.3
     assert estimate(tmp_path / 'flat.png') == 0
     out = capsys.readouterr().out
-    assert 'flat.png: this view does not tell: ' in out
+    assert 'flat.png: not determined by this view: distance, focal' in out
     assert ' ? ' in out
 
 
 def test_ambiguous_view_lists_its_candidates(tmp_path, capsys):
-    # A view that two cameras explain.
+    # A view that fits two cameras equally well.
     write_scene(tmp_path / 'm.png', MARKER, turn_rad=(0.79, 0.66, 0.32), at_m=(-0.24, 0.05, 0.87))
     assert estimate(tmp_path / 'm.png', '--json', board=MARKER) == 0
-    answer = json.loads(capsys.readouterr().out)
-    assert answer['points'] == 4
-    assert len(answer['candidates']) == 2
-    focal_px = [candidate['focal_px'] for candidate in answer['candidates']]
+    line = json.loads(capsys.readouterr().out)
+    assert line['points'] == 4
+    assert len(line['candidates']) == 2
+    focal_px = [candidate['focal_px'] for candidate in line['candidates']]
     assert min(focal_px, key=lambda f: abs(f - FOCAL_PX)) == pytest.approx(FOCAL_PX, rel=0.15)
     assert estimate(tmp_path / 'm.png', board=MARKER) == 0
-    assert 'm.png: 2 solutions explain this view as well' in capsys.readouterr().out
+    assert 'm.png: 2 solutions fit this view equally well' in capsys.readouterr().out
 
 
-def test_draw_writes_the_picture_with_what_was_found(scenes, tmp_path):
+def test_draw_writes_the_annotated_image(scenes, tmp_path):
     folder = tmp_path / 'new' / 'drawn'
     assert estimate(scenes / 'a.png', '--draw', folder) == 0
     drawn, original = read_image(folder / 'a_pose.png'), read_image(scenes / 'a.png')
@@ -138,14 +138,14 @@ def test_draw_writes_the_picture_with_what_was_found(scenes, tmp_path):
     assert 0.005 < coloured.mean() < 0.3
 
 
-def test_draw_does_not_put_two_pictures_into_one_file(scenes, tmp_path, capsys):
+def test_draw_does_not_write_two_images_to_one_file(scenes, tmp_path, capsys):
     twin = tmp_path / 'a.png'
     assert estimate(scenes / 'a.png', twin, '--draw', tmp_path / 'drawn') == 1
-    expected = f'p4pfr: --draw: {scenes / "a.png"} and {twin} would be drawn to one file\n'
+    expected = f'p4pfr: --draw: {scenes / "a.png"} and {twin} would be written to the same file\n'
     assert capsys.readouterr().err == expected
 
 
-def test_wrong_board_file_is_one_line(tmp_path, capsys):
+def test_wrong_board_file_is_reported_in_one_line(tmp_path, capsys):
     wrong = tmp_path / 'wrong.yaml'
     wrong.write_text('boards: {board: {type: chessboard, columns: 9, rows: 6, square_m: -1}}')
     assert estimate('a.png', board=str(wrong)) == 1
@@ -166,13 +166,13 @@ def test_wrong_board_file_is_one_line(tmp_path, capsys):
         ['--unknown'],
     ],
 )
-def test_wrong_option_is_named(wrong, capsys):
+def test_wrong_option_is_reported(wrong, capsys):
     with pytest.raises(SystemExit) as exit_:
         estimate('a.png', *wrong)
     assert exit_.value.code == 2
     assert wrong[0] in capsys.readouterr().err
 
 
-def test_center_is_taken(scenes, capsys):
+def test_center_is_used(scenes, capsys):
     assert estimate(scenes / 'a.png', '--json', '--center', 310, 245) == 0
     assert json.loads(capsys.readouterr().out)['center_px'] == [310.0, 245.0]

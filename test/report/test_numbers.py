@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numbers have the digits that their standard deviation leaves them."""
+"""Numbers are rounded to two digits of their standard deviation."""
 
 from p4pfr_ros.report.numbers import plus_minus
 import pytest
@@ -19,5 +19,5 @@ import pytest
         (319.5, 0.0, '319.5 (held)'),
     ],
 )
-def test_two_digits_of_sigma(value, sigma, text):
+def test_two_digits_of_sigma_are_kept(value, sigma, text):
     assert plus_minus(value, sigma) == text

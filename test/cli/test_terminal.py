@@ -1,0 +1,38 @@
+# Copyright 2026 p4pfr_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The progress bar, on a real terminal."""
+
+import os
+import pty
+import sys
+
+from p4pfr_ros.cli.terminal import with_progress
+import pytest
+
+
+def on_terminal(items, total, monkeypatch):
+    """Iterate with a terminal as stderr; return the items and the output on the terminal."""
+    screen, device = pty.openpty()
+    with os.fdopen(device, 'w') as stderr, monkeypatch.context() as patch:
+        patch.setenv('TERM', 'xterm')
+        patch.setattr(sys, 'stderr', stderr)
+        yielded = list(with_progress(items, total, prints=False))
+        stderr.write('the end')
+        stderr.flush()
+        shown = b''
+        while not shown.endswith(b'the end'):  # read() returns parts of it
+            shown += os.read(screen, 100_000)
+    os.close(screen)
+    return yielded, shown.decode()
+
+
+@pytest.mark.parametrize(('total', 'count'), [(3, '3/3'), (None, '3/?')])
+def test_bar_counts_up_to_the_total_if_known(monkeypatch, total, count):
+    yielded, shown = on_terminal((n for n in 'abc'), total, monkeypatch)
+    assert yielded == ['a', 'b', 'c']
+    assert count in shown
+
+
+def test_one_image_has_no_bar(monkeypatch):
+    assert on_terminal(['a'], 1, monkeypatch) == (['a'], 'the end')
