@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Metadata for pip and colcon alike: colcon reads it here, and not from pyproject.toml."""
+"""Metadata for pip and colcon; colcon does not read it from pyproject.toml."""
 
 from glob import glob
 
@@ -10,7 +10,7 @@ from setuptools import find_packages, setup
 PACKAGE = 'p4pfr_ros'
 SHARE = f'share/{PACKAGE}'
 
-# Jazzy's own linters, with the plugins that their package.xml names.
+# The linters of ROS 2 Jazzy, with the plugins that their package.xml lists.
 AMENT_LINTERS = [
     'flake8-blind-except',
     'flake8-builtins',
@@ -43,35 +43,39 @@ setup(
         ),
         (f'{SHARE}/config/boards', glob('config/boards/*.yaml')),
         (f'{SHARE}/launch', glob('launch/*.launch.py')),
-        # `ros2 run` and launch look for executables here, where pip puts no console script.
+        # `ros2 run` and launch look for executables here; pip installs no console scripts here.
         (f'lib/{PACKAGE}', glob('scripts/*')),
     ],
     zip_safe=False,
     entry_points={'console_scripts': [f'p4pfr = {PACKAGE}.cli:main']},
     install_requires=[
-        'matplotlib',
         'numba',
         'numpy',
-        'opencv-python-headless>=4.7',  # before, ArUco was in the contrib build alone
+        'opencv-python-headless>=4.7',  # earlier, only the contrib build has ArUco
         'pyyaml',
-        'rich',
     ],
     extras_require={
-        # ROS 2 Jazzy without a ROS installation. A sourced ROS has all this already.
+        # Tables and progress bars of the command line, and the demo.
+        'cli': ['rich'],
+        # `p4pfr board` and the report of `p4pfr calibrate`.
+        'plot': ['matplotlib'],
+        # ROS 2 Jazzy without a ROS installation; not needed if one is sourced.
         'ros': [
             'ros-jazzy-common-interfaces',
             'ros-jazzy-rclpy',
             'ros-jazzy-rmw-fastrtps-cpp',
         ],
-        # Recordings, for `p4pfr calibrate --bag`: rosdep has no name for it.
+        # `p4pfr calibrate --bag`; rosdep has no key for it.
         'bags': ['rosbags>=0.11'],
-        # colcon looks for pytest here: without it, it runs no test and calls that success.
+        # Without pytest here, colcon runs no tests and reports success.
         'test': [
             'catkin-pkg',
             'hypothesis',
+            'matplotlib',
             'pytest',
             'pytest-timeout',
             'pytest-xdist',
+            'rich',
             'rosbags>=0.11',
         ],
         'lint': ['mypy', 'ruff', 'types-PyYAML', *AMENT_LINTERS],

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is said of the package in several places is the same, and what it promises is there."""
+"""The metadata of pip and ROS agree, and match what the package imports and installs."""
 
 import ast
 from importlib import import_module, metadata
@@ -19,7 +19,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 NODES = {'pose_node', 'lifecycle_pose_node', 'detector_node', 'camera_simulator'}
 
-# What PyPI and rosdep call the modules that we import.
+# Names on PyPI and in rosdep of the modules that we import.
 PYPI = {'cv2': 'opencv-python-headless', 'yaml': 'pyyaml', 'catkin_pkg': 'catkin-pkg'}
 ROSDEP = {
     'cv2': 'python3-opencv',
@@ -30,7 +30,7 @@ ROSDEP = {
     'rich': 'python3-rich',
     'yaml': 'python3-yaml',
 }
-# Imported where they are there, and asked for by name where they are not.
+# Optional dependencies that are in no package.xml.
 OPTIONAL = {'apriltag_msgs', 'rosbags'}
 COME_WITH_RCLPY = {
     'ament_index_python',
@@ -42,22 +42,22 @@ COME_WITH_RCLPY = {
 
 @pytest.fixture(scope='module')
 def package():
-    """Give package.xml, parsed and validated."""
+    """Return package.xml, parsed and validated."""
     return parse_package(str(ROOT))
 
 
 def requirements(extra=None):
-    """Give the PyPI names that the installed package, or one of its extras, asks for."""
-    found = set()
+    """Return the PyPI names of the requirements of the package, or of one of its extras."""
+    names = set()
     for line in metadata.requires('p4pfr_ros'):
         marker = re.search(r'extra == "(\w+)"', line)
         if extra == (marker and marker.group(1)):
-            found.add(re.match(r'[\w.-]+', line).group().lower())
-    return found
+            names.add(re.match(r'[\w.-]+', line).group().lower())
+    return names
 
 
 def third_parties(*folders):
-    """Give the top names of the modules imported in folders, but ours and the standard ones."""
+    """Return the top-level third-party modules imported in folders."""
     tops = set()
     for path in (p for folder in folders for p in (ROOT / folder).rglob('*.py')):
         for node in ast.walk(ast.parse(path.read_text())):
@@ -68,11 +68,11 @@ def third_parties(*folders):
     return tops - set(sys.stdlib_module_names) - {'benchmarks', 'p4pfr_ros'}
 
 
-def test_one_version(package):
+def test_version_is_the_same_everywhere(package):
     assert package.version == metadata.version('p4pfr_ros') == p4pfr_ros.__version__
 
 
-def test_one_description_of_who_and_what(package):
+def test_name_licence_and_maintainer_are_the_same_everywhere(package):
     about = metadata.metadata('p4pfr_ros')
     assert package.name == about['Name'].replace('-', '_') == 'p4pfr_ros'
     assert package.licenses == [about['License'] or about['License-Expression']] == ['Apache-2.0']
@@ -80,28 +80,33 @@ def test_one_description_of_who_and_what(package):
     assert (maintainer.name, maintainer.email) == (about['Maintainer'], about['Maintainer-email'])
 
 
-@pytest.mark.filterwarnings('ignore::DeprecationWarning')  # of docutils, used by catkin_pkg
-def test_changelog_reads_as_rep_132():
+@pytest.mark.filterwarnings('ignore::DeprecationWarning')  # from docutils, which catkin_pkg uses
+def test_changelog_follows_rep_132():
     changelog = get_changelog_from_path(str(ROOT / 'CHANGELOG.rst'), 'p4pfr_ros')
     assert p4pfr_ros.__version__ in [version for version, _, _ in changelog.foreach_version()]
 
 
-def test_package_xml_names_what_is_imported(package):
+def test_package_xml_lists_the_imports(package):
     used = third_parties('p4pfr_ros', 'launch') - OPTIONAL
     assert {d.name for d in package.exec_depends} == {ROSDEP.get(top, top) for top in used}
 
 
-def test_setup_py_names_what_is_imported():
+def test_setup_py_lists_the_imports():
     from_pypi = {top for top in third_parties('p4pfr_ros') if top in ROSDEP}
-    assert requirements() == {PYPI.get(top, top) for top in from_pypi}
+    optional = requirements('cli') | requirements('plot')
+    assert requirements() | optional == {PYPI.get(top, top) for top in from_pypi}
+    assert not requirements() & optional
 
 
-def test_recordings_have_an_extra_of_their_own():
-    assert requirements('bags') == {'rosbags'}
-    assert requirements('bags') <= requirements('test')
+@pytest.mark.parametrize(
+    ('extra', 'names'), [('bags', {'rosbags'}), ('cli', {'rich'}), ('plot', {'matplotlib'})]
+)
+def test_optional_dependencies_have_an_extra_and_are_tested(extra, names):
+    assert requirements(extra) == names
+    assert requirements(extra) <= requirements('test')
 
 
-def test_extra_and_package_xml_name_what_the_tests_import(package):
+def test_extra_and_package_xml_list_the_imports_of_the_tests(package):
     local = {path.stem for folder in ('docs', 'test') for path in (ROOT / folder).rglob('*.py')}
     local.add('node_pages')
     used = third_parties('test') - third_parties('p4pfr_ros') - local - COME_WITH_RCLPY
@@ -137,11 +142,11 @@ def test_data_files_are_installed():
         assert ours == {str(path.relative_to(share)) for path in share.glob(pattern)}
 
 
-def test_python_m_is_the_command():
-    said = subprocess.run(
+def test_python_m_runs_the_command():
+    out = subprocess.run(
         [sys.executable, '-m', 'p4pfr_ros', '--version'],
         check=True,
         capture_output=True,
         text=True,
     ).stdout
-    assert said == f'p4pfr_ros {p4pfr_ros.__version__}\n'
+    assert out == f'p4pfr_ros {p4pfr_ros.__version__}\n'

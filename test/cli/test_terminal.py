@@ -36,3 +36,8 @@ def test_bar_counts_up_to_the_total_if_known(monkeypatch, total, count):
 
 def test_one_image_has_no_bar(monkeypatch):
     assert on_terminal(['a'], 1, monkeypatch) == (['a'], 'the end')
+
+
+def test_without_rich_there_is_no_bar(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'rich', None)
+    assert on_terminal('abc', 3, monkeypatch) == (['a', 'b', 'c'], 'the end')
