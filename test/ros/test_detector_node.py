@@ -143,7 +143,7 @@ def test_a_picture_that_cannot_be_read_is_counted(eye):
     unknown = image_msg(scenes.header(25), PICTURE)
     unknown.encoding = '64FC7'
     eye.peer.until(
-        lambda: "'64FC7' is unknown" in eye.node.output,
+        lambda: "unknown encoding '64FC7'" in eye.node.output,
         meanwhile=lambda: eye.image.publish(unknown),
     )
     short = image_msg(scenes.header(26), PICTURE)
