@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
+from functools import partial
 from importlib.util import find_spec
 import math
 from pathlib import Path
 
 from p4pfr_ros import EstimateOptions
+from p4pfr_ros.core.options import option_of
 from p4pfr_ros.files.yaml_fields import ConfigError
 
 _DEFAULTS = EstimateOptions()
-_MAX_SEED = 2**31 - 1
 _SUFFIXES = {'.bmp', '.jpeg', '.jpg', '.pbm', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp'}
 # By module: the features that need it, and the extra of pip that installs it.
 _EXTRAS = {'matplotlib': ('plots and printed boards', 'plot'), 'rich': ('tables', 'cli')}
@@ -45,34 +46,40 @@ def count(text: str) -> int:
     return value
 
 
-def seed(text: str) -> int:
-    """Parse the seed of a random generator, in the range of the nodes' parameter."""
-    value = int(text)
-    if not 0 <= value <= _MAX_SEED:
-        raise argparse.ArgumentTypeError(f'expected 0 to {_MAX_SEED}, got {text}')
+def in_range(text: str, *, low: float, high: float, is_integer: bool) -> float:
+    """Parse a number from low to high."""
+    try:
+        value = int(text) if is_integer else float(text)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        kind = 'an integer' if is_integer else 'a number'
+        raise argparse.ArgumentTypeError(
+            f'expected {kind} from {low:.10g} to {high:.10g}, got {text}'
+        )
     return value
 
 
-def add_threshold(parser: argparse.ArgumentParser) -> None:
-    """Add the option for the inlier threshold."""
+def add_estimate_option(
+    parser: argparse.ArgumentParser | argparse._ArgumentGroup, flag: str, name: str, metavar: str
+) -> None:
+    """Add an option for a field of `EstimateOptions`, with its default, range and description."""
+    default, option = getattr(_DEFAULTS, name), option_of(EstimateOptions, name)
     parser.add_argument(
-        '--threshold',
-        type=positive,
-        default=_DEFAULTS.threshold_px,
-        metavar='PX',
-        help='reprojection error above which a point is an outlier (default: %(default)s)',
+        flag,
+        type=partial(
+            in_range, low=option.low, high=option.high, is_integer=isinstance(default, int)
+        ),
+        default=default,
+        metavar=metavar,
+        help=description_of(name) + ('' if default is None else ' (default: %(default)s)'),
     )
 
 
-def add_seed(parser: argparse.ArgumentParser) -> None:
-    """Add the option for the seed of the random sampling."""
-    parser.add_argument(
-        '--seed',
-        type=seed,
-        default=_DEFAULTS.seed,
-        metavar='N',
-        help='seed of the random sampling (default: %(default)s)',
-    )
+def description_of(name: str) -> str:
+    """Return the description of a field of `EstimateOptions` in the style of argparse."""
+    text = option_of(EstimateOptions, name).description.removesuffix('.').replace('%', '%%')
+    return f'{text[0].lower()}{text[1:]}'
 
 
 def find_images(paths: Iterable[Path]) -> list[Path]:

@@ -11,14 +11,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 import json
-import math
 from pathlib import Path
 import sys
 from typing import Any
 
-import numpy as np
 from p4pfr_ros import CalibrationState, CameraEstimate, EstimateOptions, Verdict
-from p4pfr_ros.cli.arguments import add_seed, add_threshold, count, find_images, require
+from p4pfr_ros.cli.arguments import add_estimate_option, count, find_images, require
 from p4pfr_ros.cli.terminal import print_table, with_progress
 from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.calibration import Calibration, save_calibration
@@ -94,8 +92,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add('--plot', type=Path, metavar='FILE', help='write a report as .png, .svg or .pdf')
     add('--json', action='store_true', help='print JSON lines instead of a table')
     add('--force', action='store_true', help='write the camera even if it is not calibrated')
-    add_threshold(parser)
-    add_seed(parser)
+    add_estimate_option(parser, '--threshold', 'threshold_px', 'PX')
+    add_estimate_option(parser, '--seed', 'seed', 'N')
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -255,15 +253,23 @@ def _print_calibration_json(
 
 def _camera_as_json(estimate: CameraEstimate) -> dict[str, Any]:
     camera = estimate.camera
-    sigmas = [sigma or None for sigma in _sigmas(estimate)]
     return {
         'focal_px': camera.focal_px,
         'center_px': list(camera.center_px),
         'k': [camera.k, camera.k2, camera.k3],
-        'sigma': {'focal_px': sigmas[0], 'center_px': sigmas[1:3], 'k': sigmas[3:]},
+        'sigma': {
+            'focal_px': _or_null(estimate.focal_sigma_px),
+            'center_px': [_or_null(sigma) for sigma in estimate.center_sigma_px.tolist()],
+            'k': [_or_null(sigma) for sigma in estimate.terms_sigma],
+        },
         'rms_px': estimate.rms_px,
         'views': estimate.views,
     }
+
+
+def _or_null(sigma: float) -> float | None:
+    """Replace the standard deviation 0 of a parameter that was held fixed by null."""
+    return sigma or None
 
 
 def print_views(records: Sequence[ViewRecord]) -> None:
@@ -306,26 +312,20 @@ def _print_summary(calibration_run: CalibrationRun, calibration: Calibration | N
     if calibration is None or calibration_run.calibration is None or calibration_run.fused is None:
         return
     fused, model = calibration_run.fused, calibration.model
-    f_sigma, x_sigma, y_sigma, *k_sigmas = _sigmas(fused)
-    x, y = fused.camera.center_px
+    x, y = map(plus_minus, fused.camera.center_px, fused.center_sigma_px)
     width, height = calibration.image_size
     print(calibration_run.calibration.state.value)
     print(f'  views        {fused.views} of {width}x{height} px, rms {fused.rms_px:.3f} px')
-    print(f'  focal length {plus_minus(fused.camera.focal_px, f_sigma)} px')
-    print(f'  centre       {plus_minus(x, x_sigma)}, {plus_minus(y, y_sigma)} px')
+    print(f'  focal length {plus_minus(fused.camera.focal_px, fused.focal_sigma_px)} px')
+    print(f'  centre       {x}, {y} px')
     ks = (fused.camera.k, fused.camera.k2, fused.camera.k3)
-    for name, k, sigma in zip(('k', 'k2', 'k3'), ks, k_sigmas, strict=True):
+    for name, k, sigma in zip(('k', 'k2', 'k3'), ks, fused.terms_sigma, strict=True):
         if name == 'k' or k != 0.0:
             print(f'  {name:<12} {plus_minus(k, sigma)}')
     print(f'  coverage     {100.0 * calibration_run.coverage:.0f} % of the image')
     print(
         f'  CameraInfo   {model.distortion_model}, within {model.residual_px:.2g} px of the above'
     )
-
-
-def _sigmas(estimate: CameraEstimate) -> list[float]:
-    """Return the standard deviations of f, centre x and y, k, k2 and k3; 0 if held fixed."""
-    return [math.sqrt(max(0.0, float(v))) for v in np.diag(estimate.covariance)]
 
 
 def _word(verdict: Verdict) -> str:

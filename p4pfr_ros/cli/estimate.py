@@ -9,14 +9,19 @@ import argparse
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 import json
-import math
 from pathlib import Path
 import sys
 from typing import Any
 
 from p4pfr_ros import estimate_pose, EstimateOptions, Observability, PoseEstimate, Solution
 from p4pfr_ros.boards import Board
-from p4pfr_ros.cli.arguments import add_seed, add_threshold, find_images, finite, positive, require
+from p4pfr_ros.cli.arguments import (
+    add_estimate_option,
+    description_of,
+    find_images,
+    finite,
+    require,
+)
 from p4pfr_ros.cli.terminal import print_table, with_progress
 from p4pfr_ros.detection import detect
 from p4pfr_ros.files.boards import load_board
@@ -90,23 +95,24 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar=('X', 'Y'),
         help='principal point, px (default: the image centre)',
     )
-    add_threshold(parser)
-    add_seed(parser)
+    add_estimate_option(parser, '--threshold', 'threshold_px', 'PX')
+    add_estimate_option(parser, '--seed', 'seed', 'N')
     _add_priors(parser)
 
 
 def _add_priors(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group('priors')
-    group.add_argument(
-        '--sigma', type=positive, metavar='PX', help='standard deviation of the corners, px'
-    )
-    for name, what in (('focal', 'focal length, px,'), ('k', 'distortion k')):
+    add_estimate_option(group, '--sigma', 'sigma_px', 'PX')
+    for flag, mean, sigma in (
+        ('focal', 'prior_focal_px', 'prior_focal_sigma_px'),
+        ('k', 'prior_k', 'prior_k_sigma'),
+    ):
         group.add_argument(
-            f'--prior-{name}',
+            f'--prior-{flag}',
             nargs=2,
             type=finite,
-            metavar=(name.upper(), 'SIGMA'),
-            help=f'{what} and its standard deviation',
+            metavar=(flag.upper(), 'SIGMA'),
+            help=f'{description_of(mean)}; {description_of(sigma)}',
         )
 
 
@@ -231,9 +237,9 @@ def _as_json(result: ImageEstimate) -> dict[str, Any]:
         'image_size': list(result.image_size),
         **_solution_as_json(result.model, observable),
         'sigma': {
-            'distance_m': _distance_sigma_m(estimate) if observable.distance else None,
-            'focal_px': _focal_sigma_px(estimate) if observable.focal else None,
-            'k': _k_sigma(estimate) if observable.distortion else None,
+            'distance_m': estimate.distance_sigma if observable.distance else None,
+            'focal_px': estimate.focal_sigma_px if observable.focal else None,
+            'k': estimate.k_sigma if observable.distortion else None,
         },
         'rms_px': estimate.rms_px,
         'points': len(estimate.inliers),
@@ -279,7 +285,7 @@ def _cells(result: ImageEstimate) -> Iterator[str]:
     yield _joined(pose.quaternion_xyzw(), 3) if observable.direction else _UNKNOWN
     yield f'{pose.tilt_deg:.1f}' if observable.direction else _UNKNOWN
     yield f'{pose.distance:.3f}' if observable.distance else _UNKNOWN
-    f_sigma, k_sigma = _focal_sigma_px(estimate), _k_sigma(estimate)
+    f_sigma, k_sigma = estimate.focal_sigma_px, estimate.k_sigma
     yield f'{camera.focal_px:.1f} ± {f_sigma:.1f}' if observable.focal else _UNKNOWN
     yield f'{camera.k:.3f} ± {k_sigma:.3f}' if observable.distortion else _UNKNOWN
     yield f'{estimate.rms_px:.2f}'
@@ -298,19 +304,3 @@ def _notes(results: Iterable[ImageEstimate]) -> Iterator[str]:
         candidates = len(_candidates(result))
         if candidates:
             yield f'{result.path}: {candidates} solutions fit this view equally well (see --json)'
-
-
-# To be replaced by the properties of the same names of PoseEstimate.
-def _focal_sigma_px(estimate: PoseEstimate) -> float:
-    return math.sqrt(estimate.covariance[6, 6])
-
-
-def _k_sigma(estimate: PoseEstimate) -> float:
-    return math.sqrt(estimate.covariance[7, 7])
-
-
-def _distance_sigma_m(estimate: PoseEstimate) -> float:
-    assert estimate.model is not None
-    pose = estimate.model.camera_from_board
-    sight = pose.translation / pose.distance
-    return math.sqrt(sight @ estimate.covariance[:3, :3] @ sight)

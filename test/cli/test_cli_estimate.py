@@ -6,7 +6,7 @@
 import json
 
 import numpy as np
-from p4pfr_ros import Pose
+from p4pfr_ros import EstimateOptions, Pose
 from p4pfr_ros.cli import main
 from p4pfr_ros.files.images import read_image
 import pytest
@@ -160,8 +160,11 @@ def test_wrong_board_file_is_reported_in_one_line(tmp_path, capsys):
     [
         ['--center', 'nan', '0'],
         ['--threshold', '0'],
+        ['--threshold', 'nan'],
+        ['--sigma', '0'],
         ['--seed', 'x'],
         ['--seed', '-5'],
+        ['--seed', '1.5'],
         ['--seed', '99999999999999999999999'],
         ['--unknown'],
     ],
@@ -171,6 +174,14 @@ def test_wrong_option_is_reported(wrong, capsys):
         estimate('a.png', *wrong)
     assert exit_.value.code == 2
     assert wrong[0] in capsys.readouterr().err
+
+
+def test_options_have_the_defaults_and_descriptions_of_the_api(capsys):
+    with pytest.raises(SystemExit):
+        main(['estimate', '--help'])
+    text = ' '.join(capsys.readouterr().out.split())
+    assert f'are outliers, pixels (default: {EstimateOptions().threshold_px})' in text
+    assert f'(default: {EstimateOptions().seed})' in text
 
 
 def test_center_is_used(scenes, capsys):

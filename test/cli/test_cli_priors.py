@@ -27,4 +27,4 @@ def test_a_wrong_standard_deviation_is_reported(tmp_path, capsys):
     write_scene(image, CHESSBOARD)
     arguments = ['estimate', '--board', CHESSBOARD, str(image), '--prior-focal', '500', '-1']
     assert main(arguments) == 1
-    assert 'prior_focal_sigma_px must be at least 1e-06' in capsys.readouterr().err
+    assert 'prior_focal_sigma_px must be from 1e-06 to 1e+06, got -1' in capsys.readouterr().err
