@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``p4pfr estimate``: pose and camera from single images. Stands alone as one of the commands."""
+"""``p4pfr estimate``: pose and camera from single images."""
 
 from __future__ import annotations
 
