@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the commands share: argument types, options, input images, optional dependencies."""
+"""Shared by the commands: argument types, options, input images, optional dependencies."""
 
 from __future__ import annotations
 

@@ -105,7 +105,7 @@ def run(arguments: argparse.Namespace) -> int:
         for named in with_progress(source.images, source.count, prints=arguments.json):
             result = calibration_run.add(named)
             if arguments.json:
-                print_image_json(result)
+                _print_image_json(result)
     calibration = _calibration(calibration_run, arguments.name)
     if arguments.json:
         _print_calibration_json(calibration_run, calibration)
@@ -208,7 +208,7 @@ def _write(
     return 0
 
 
-def print_image_json(result: ViewRecord | RejectedImage) -> None:
+def _print_image_json(result: ViewRecord | RejectedImage) -> None:
     """Print one line about an image: a JSON object without NaN."""
     line: dict[str, Any] = {'image': result.number, 'name': result.name}
     if isinstance(result, RejectedImage):
