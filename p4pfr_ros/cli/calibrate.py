@@ -25,7 +25,7 @@ from p4pfr_ros.files.pixel_formats import Unreadable
 from p4pfr_ros.files.writing import check_writable
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.report.calibration_run import CalibrationRun, NamedImage, RejectedImage, ViewRecord
-from p4pfr_ros.report.numbers import plus_minus
+from p4pfr_ros.report.number_format import plus_minus
 
 _EPILOG = """\
 Images are processed in the given order, like those of a running camera, and

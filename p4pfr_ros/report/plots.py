@@ -22,7 +22,7 @@ from p4pfr_ros.files.writing import not_writable
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.report.calibration_run import COLUMNS, count_per_cell, ROWS, ViewRecord
 from p4pfr_ros.report.figure_style import BLUE, GREY, ORANGE, STYLE
-from p4pfr_ros.report.numbers import plus_minus
+from p4pfr_ros.report.number_format import plus_minus
 
 _SUFFIXES = ('.pdf', '.png', '.svg')
 # The 99th percentile of the residuals is drawn with this share of the image width.
@@ -158,7 +158,7 @@ def _stacked(points: Sequence[Array]) -> Array:
 def draw_history(
     figure: Any,
     records: Sequence[ViewRecord],
-    references: Mapping[str, tuple[float, float, float]] | None = None,
+    comparisons: Mapping[str, tuple[float, float, float]] | None = None,
 ) -> None:
     """
     Draw three panels: focal length, centre x and centre y ± σ over the views.
@@ -169,7 +169,7 @@ def draw_history(
         A matplotlib Figure or SubFigure.
     records
         The views; those without a camera are skipped.
-    references
+    comparisons
         Focal length and centre, px, by label; drawn as horizontal lines for comparison.
 
     """
@@ -185,14 +185,12 @@ def draw_history(
         _draw_parameter(axes, numbers, values[:, i], sigmas[:, i])
         for number in restarts:
             axes.axvline(number, color=ORANGE, linestyle=':', linewidth=1.2)
-        for style, (label, reference) in zip(
-            _LINE_STYLES, (references or {}).items(), strict=False
-        ):
-            axes.axhline(reference[i], color=ORANGE, linestyle=style, linewidth=1.2, label=label)
+        for style, (label, camera) in zip(_LINE_STYLES, (comparisons or {}).items(), strict=False):
+            axes.axhline(camera[i], color=ORANGE, linestyle=style, linewidth=1.2, label=label)
         title = f'{name}, px: {plus_minus(values[-1, i], sigmas[-1, i])}' if estimates else name
         axes.set(title=title, xlabel='view')
         axes.xaxis.get_major_locator().set_params(integer=True)
-    if references:
+    if comparisons:
         panels[0].legend(loc='upper right')
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from p4pfr_ros.cli import main
 from p4pfr_ros.files.calibration import load_calibration
 from p4pfr_ros.files.images import read_image
-from p4pfr_ros.report.numbers import plus_minus
+from p4pfr_ros.report.number_format import plus_minus
 import pytest
 from rendered import CHESSBOARD, FOCAL_PX, K, write_empty, write_scene, write_views
 

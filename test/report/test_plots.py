@@ -45,10 +45,10 @@ def record(number, focal_px, sigma_px, center_sigma_px=1.0, verdict=Verdict.USED
     return ViewRecord(number, f'{number}.png', 54, 54, 0.2, verdict, fused)
 
 
-def panels(records, references=None):
+def panels(records, comparisons=None):
     """Draw the history; return its axes."""
     figure = Figure()
-    draw_history(figure, records, references)
+    draw_history(figure, records, comparisons)
     return figure.axes
 
 

@@ -12,7 +12,7 @@ import time
 from p4pfr_ros import CalibrationState, CameraEstimate
 from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
 from p4pfr_ros.files.yaml_fields import ConfigError
-from p4pfr_ros.report.numbers import plus_minus
+from p4pfr_ros.report.number_format import plus_minus
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 

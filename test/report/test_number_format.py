@@ -3,7 +3,7 @@
 
 """Numbers are rounded to two digits of their standard deviation."""
 
-from p4pfr_ros.report.numbers import plus_minus
+from p4pfr_ros.report.number_format import plus_minus
 import pytest
 
 
