@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-``jit`` and ``kernel``: Numba where it is installed, the same source interpreted where not.
+``jit`` and ``kernel``: compile with Numba if it is installed, else interpret the same source.
 
-A kernel is plain Python over scalars and preallocated arrays, so both ways give the same
-numbers; interpreted, it is some hundred times slower. ``NUMBA_DISABLE_JIT=1`` asks for that.
+A kernel is plain Python over scalars and preallocated arrays, so both ways give the same numbers;
+interpreted, it is some hundred times slower. ``NUMBA_DISABLE_JIT=1`` selects the interpreter.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ Function = TypeVar('Function', bound=Callable[..., Any])
 
 COMPILED = numba is not None and not numba.config.DISABLE_JIT
 
-# Division by zero gives inf or NaN, as in C, and the kernels look at what came out: raising
-# would cost a branch a division. No fast maths: interpreted and compiled give the same bits.
+# Division by zero gives inf or NaN, as in C, and the kernels check their results: raising would
+# cost a branch per division. No fast maths: interpreted and compiled code give the same bits.
 _OPTIONS = {'error_model': 'numpy', 'nogil': True}
 
 
 def jit(function: Function) -> Function:
-    """Compile a function on its first call, and keep the result on disk."""
+    """Compile a function on its first call, and cache the result on disk."""
     return _compiled(function, **_OPTIONS)
 
 
 def kernel(function: Function) -> Function:
     """
-    Do as ``jit``, for functions that allocate nothing: compiling one that does is an error.
+    Compile as ``jit`` does a function that allocates nothing; an allocation is an error.
 
-    Without Numba's counting of references, which costs a fifth of the minimal solver's time.
+    Compiled without Numba's reference counting, which costs a fifth of the minimal solver's time.
     """
     return _compiled(function, **_OPTIONS, _nrt=False)
 
@@ -53,9 +53,9 @@ def kernel(function: Function) -> Function:
 def _compiled(function: Function, **options: Any) -> Function:
     if not COMPILED:
         return _interpreted(function)
-    # Numba looks at the one file that a kernel stands in, and would go on using a stale copy
-    # when a kernel that it calls, in another file, has changed. So the cache's folder is named
-    # after the whole package's sources. It is read at the moment of decoration only.
+    # Numba checks only the file that a kernel is defined in, and would use a stale copy after a
+    # change of a kernel that it calls in another file. So the name of the cache folder contains a
+    # hash of all sources of this package. Numba reads it at decoration only.
     previous = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(_CACHE_FOLDER)
     try:
@@ -68,7 +68,7 @@ def _compiled(function: Function, **options: Any) -> Function:
 def _interpreted(function: Function) -> Function:
     @functools.wraps(function)
     def quiet(*arguments: Any) -> Any:
-        # Compiled code makes NaN and infinity without a word, and the kernels look for them.
+        # Compiled code makes NaN and infinity without a warning, and the kernels check for them.
         with np.errstate(all='ignore'):
             return function(*arguments)
 
@@ -100,14 +100,14 @@ elif COMPILED:
     _CACHE_FOLDER = _cache_folder()
 
     class _FirstCompilation(numba.core.event.Listener):  # type: ignore[misc]
-        """Says, once, why the first call takes seconds."""
+        """Prints once why the first call takes seconds."""
 
-        said = False
+        printed = False
 
         def on_start(self, event: Any) -> None:
             name = event.data['dispatcher'].py_func.__module__
-            if not self.said and name.startswith('p4pfr_ros.'):
-                self.said = True
+            if not self.printed and name.startswith('p4pfr_ros.'):
+                self.printed = True
                 print(
                     'p4pfr_ros: compiling the numeric kernels for this machine, once; '
                     'some tens of seconds',
