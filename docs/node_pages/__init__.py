@@ -11,7 +11,7 @@ from pathlib import Path
 from p4pfr_ros.ros.camera_simulator import CameraSimulator
 from p4pfr_ros.ros.detector_node import DetectorNode
 from p4pfr_ros.ros.lifecycle_pose_node import LifecyclePoseNode
-from p4pfr_ros.ros.parameters.options import (
+from p4pfr_ros.ros.parameters.image_node_options import (
     CameraSimulatorOptions,
     DetectorNodeOptions,
     PoseNodeOptions,

@@ -21,7 +21,7 @@ from std_msgs.msg import Header
 from .conversions import camera_info_msg, image_msg, ImageFrame, pose_msg
 from .parameters.board_file import required_board
 from .parameters.declare import Parameters
-from .parameters.options import CameraSimulatorOptions
+from .parameters.image_node_options import CameraSimulatorOptions
 from .runtime.endpoints import advertise, is_heard
 from .runtime.rejections import Rejected, Rejections
 from .runtime.spin import run

@@ -24,7 +24,7 @@ from .conversions import (
 )
 from .parameters.board_file import required_boards
 from .parameters.declare import Parameters
-from .parameters.options import DetectorNodeOptions
+from .parameters.image_node_options import DetectorNodeOptions
 from .runtime.endpoints import advertise, is_heard, subscribe
 from .runtime.rejections import Rejected, Rejections
 from .runtime.spin import run

@@ -13,9 +13,9 @@ from p4pfr_ros.files.yaml_fields import ConfigError
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from .parameters.declare import Parameters
-from .parameters.options import PoseNodeOptions
+from .parameters.image_node_options import PoseNodeOptions
 from .pose.pipeline import PoseWork
-from .runtime.qos_overrides import warn_of_unknown_overrides
+from .runtime.overrides import warn_of_unknown_overrides
 from .runtime.spin import run
 
 _DONE, _REFUSED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE

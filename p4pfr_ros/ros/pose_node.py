@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from rclpy.node import Node
 
 from .parameters.declare import Parameters
-from .parameters.options import PoseNodeOptions
+from .parameters.image_node_options import PoseNodeOptions
 from .pose.pipeline import PoseWork
 from .runtime.spin import run
 

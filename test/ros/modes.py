@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from p4pfr_ros import DivisionCamera, PoseEstimate
 from p4pfr_ros.ros.parameters.declare import replaced
-from p4pfr_ros.ros.parameters.options import PoseNodeOptions
+from p4pfr_ros.ros.parameters.image_node_options import PoseNodeOptions
 from p4pfr_ros.ros.pose.camera_source import Intrinsics
 from p4pfr_ros.ros.pose.self_calibrating import SelfCalibrating
 from p4pfr_ros.ros.runtime.rejections import Rejected

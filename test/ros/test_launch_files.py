@@ -7,7 +7,7 @@ from pathlib import Path
 
 from launch_stand_in import Run, SHARE
 from p4pfr_ros.ros.parameters.declare import flattened, replaced
-from p4pfr_ros.ros.parameters.options import (
+from p4pfr_ros.ros.parameters.image_node_options import (
     CameraSimulatorOptions,
     DetectorNodeOptions,
     PoseNodeOptions,

@@ -11,7 +11,7 @@ import sys
 
 from p4pfr_ros.core.one_view.results import Status
 from p4pfr_ros.ros.parameters.declare import flattened
-from p4pfr_ros.ros.parameters.options import (
+from p4pfr_ros.ros.parameters.image_node_options import (
     CameraSimulatorOptions,
     DetectorNodeOptions,
     PoseNodeOptions,

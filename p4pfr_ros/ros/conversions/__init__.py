@@ -24,7 +24,7 @@ from .cameras import (
     LARGEST_IMAGE_PX,
     model_from_msg,
 )
-from .clouds import cloud_msg, correspondences_from_cloud
+from .correspondences import cloud_msg, correspondences_from_cloud
 from .detections import correspondences_from_detections, detection_array_type
 from .images import image_from_compressed, image_from_msg, image_msg
 from .points import Correspondences, correspondences_from_polygon

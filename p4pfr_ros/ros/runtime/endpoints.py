@@ -23,7 +23,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from .qos_overrides import overridable, PUBLISHER, SUBSCRIPTION
+from .overrides import overridable, PUBLISHER, SUBSCRIPTION
 
 _SENSOR_DEPTH = 5
 _OUTPUT_DEPTH = 10

@@ -15,7 +15,7 @@ import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
-from .qos_overrides import warn_of_unknown_overrides
+from .overrides import warn_of_unknown_overrides
 
 # After which a signal that came at a bad moment is tried again.
 _AGAIN_S = 0.02

@@ -8,7 +8,7 @@ import time
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.ros.pose.services import CameraInfoSetter
 from p4pfr_ros.ros.runtime.endpoints import Endpoints, is_awaited
-from p4pfr_ros.ros.runtime.qos_overrides import warn_of_unknown_overrides
+from p4pfr_ros.ros.runtime.overrides import warn_of_unknown_overrides
 import pytest
 import rclpy
 from rclpy.parameter import Parameter

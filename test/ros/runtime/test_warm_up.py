@@ -13,7 +13,7 @@ import moving
 from p4pfr_ros import estimate_pose
 from p4pfr_ros.core import jit
 from p4pfr_ros.ros.runtime.warm_up import warm_up
-from test_intrinsics import FREEZE, Modes, options
+from test_camera_source import FREEZE, Modes, options
 
 
 def compiled():

@@ -9,7 +9,7 @@ from types import ModuleType
 from geometry_msgs.msg import PolygonStamped
 import numpy as np
 from p4pfr_ros.ros.parameters.declare import Parameters
-from p4pfr_ros.ros.parameters.options import PoseNodeOptions
+from p4pfr_ros.ros.parameters.image_node_options import PoseNodeOptions
 from p4pfr_ros.ros.pose.inputs import Inputs
 from p4pfr_ros.ros.pose.targets import MARKER, Targets
 from p4pfr_ros.ros.runtime.rejections import Rejected
@@ -18,7 +18,7 @@ import rclpy
 from rclpy.parameter import Parameter
 import scenes
 from sensor_msgs.msg import PointCloud2
-from test_detections import AprilTagDetection, AprilTagDetectionArray, Point
+from test_detection_messages import AprilTagDetection, AprilTagDetectionArray, Point
 
 BOARDS = """
 boards:

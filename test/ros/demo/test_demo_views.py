@@ -8,11 +8,11 @@ import json
 from pathlib import Path
 import re
 
-from p4pfr_ros.ros.parameters.options import CameraSimulatorOptions
+from p4pfr_ros.ros.parameters.image_node_options import CameraSimulatorOptions
 import pytest
 import yaml
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 RVIZ = yaml.safe_load((ROOT / 'config/p4pfr.rviz').read_text())['Visualization Manager']
 FOXGLOVE = json.loads((ROOT / 'config/p4pfr_foxglove.json').read_text())
 FRAME = CameraSimulatorOptions().camera.frame_id

@@ -14,7 +14,7 @@ from p4pfr_ros.files.calibration import Calibration, load_calibration, save_cali
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.ros.conversions import ImageFrame
 from p4pfr_ros.ros.parameters.declare import replaced
-from p4pfr_ros.ros.parameters.options import PoseNodeOptions
+from p4pfr_ros.ros.parameters.image_node_options import PoseNodeOptions
 from p4pfr_ros.ros.pose.calibration_keeper import CalibrationKeeper
 from p4pfr_ros.ros.pose.calibration_path import calibration_path
 import pytest

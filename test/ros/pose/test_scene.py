@@ -14,7 +14,7 @@ from p4pfr_ros import estimate_pose
 from p4pfr_ros.ros.conversions import Correspondences, ImageFrame
 from p4pfr_ros.ros.conversions.markers import markers_msg
 from p4pfr_ros.ros.conversions.poses import transform_msg
-from p4pfr_ros.ros.parameters.options import PoseNodeOptions
+from p4pfr_ros.ros.parameters.image_node_options import PoseNodeOptions
 from p4pfr_ros.ros.pose.scene import Scene
 from p4pfr_ros.ros.pose.seen_board import SeenBoard
 from p4pfr_ros.ros.pose.targets import MARKER

@@ -9,7 +9,7 @@ from pathlib import Path
 from p4pfr_ros import CalibrationOptions, EstimateOptions
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.ros.parameters.declare import flattened, parameter, Parameters, replaced
-from p4pfr_ros.ros.parameters.options import (
+from p4pfr_ros.ros.parameters.image_node_options import (
     CameraSimulatorOptions,
     DetectorNodeOptions,
     PoseNodeOptions,
@@ -19,7 +19,7 @@ import rclpy
 from rclpy.parameter import Parameter
 import yaml
 
-CONFIG = Path(__file__).resolve().parents[2] / 'config'
+CONFIG = Path(__file__).resolve().parents[3] / 'config'
 NODES = {
     'pose_node': PoseNodeOptions(),
     'detector_node': DetectorNodeOptions(),
