@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A simulated camera, detector_node and pose_node: everything without hardware.
+A simulated camera, detector_node and pose_node, without hardware.
 
     ros2 launch p4pfr_ros demo.launch.py
 
-Another board than the chessboard of 9 by 6 corners: board_file:=/path/to/board.yaml
-To see it in RViz: rviz:=true
+A board other than the 9x6 chessboard: board_file:=/path/to/board.yaml
+View in RViz: rviz:=true
 """
 
 from launch import LaunchDescription
@@ -19,18 +19,18 @@ from launch_ros.substitutions import FindPackageShare
 
 
 def generate_launch_description():
-    """Describe the nodes, and which board they look at."""
+    """Describe the nodes and the board."""
     share = FindPackageShare('p4pfr_ros')
     chessboard = PathJoinSubstitution([share, 'config', 'boards', 'chessboard_9x6_25mm.yaml'])
     board = {'board_file': LaunchConfiguration('board_file')}
-    view = PathJoinSubstitution([share, 'config', 'p4pfr.rviz'])
+    rviz_config = PathJoinSubstitution([share, 'config', 'p4pfr.rviz'])
     return LaunchDescription(
         [
             DeclareLaunchArgument(
-                'board_file', default_value=chessboard, description='YAML file of the board'
+                'board_file', default_value=chessboard, description='board YAML file'
             ),
             DeclareLaunchArgument(
-                'rviz', default_value='false', description='whether RViz is started'
+                'rviz', default_value='false', description='whether to start RViz'
             ),
             Node(package='p4pfr_ros', executable='camera_simulator', parameters=[board]),
             Node(package='p4pfr_ros', executable='detector_node', parameters=[board]),
@@ -38,7 +38,7 @@ def generate_launch_description():
             Node(
                 package='rviz2',
                 executable='rviz2',
-                arguments=['-d', view],
+                arguments=['-d', rviz_config],
                 condition=IfCondition(LaunchConfiguration('rviz')),
             ),
         ]

@@ -2,17 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Several cameras that look for the same board, each with its own nodes in its own namespace.
+Several cameras that detect the same board, each with its own nodes in its own namespace.
 
     ros2 launch p4pfr_ros multi_camera.launch.py cameras:=left,right \
         board_file:=/path/to/board.yaml
 
-The pictures of the camera left come from /left/image_raw, its poses are on /left/pose_node/pose,
-and to it the board's frame is left/board: in /tf a frame has one parent, so what two cameras see
-are two frames, even if it is one board.
+The camera left subscribes to /left/image_raw, publishes poses on /left/pose_node/pose and uses the
+board frame left/board: a frame in /tf has one parent, so each camera needs its own board frame.
 
-In params_file, what all cameras have in common stands below /**/pose_node: and /**/detector_node:,
-and after it what is of one alone below /left/pose_node: and such; the later one counts.
+In params_file, parameters of all cameras go below /**/pose_node: and /**/detector_node:, followed
+by those of one camera below /left/pose_node: etc.; the later value applies.
 """
 
 from launch import LaunchDescription
@@ -26,21 +25,21 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 
-# Handed on to p4pfr.launch.py as they are. The topics are relative: in each camera's namespace.
+# Passed to p4pfr.launch.py. The topics are relative to the namespace of each camera.
 ARGUMENTS = (
-    ('params_file', '', 'YAML file of parameters for all nodes, below /**/pose_node: and such'),
-    ('image', 'image_raw', 'topic of the pictures, in the namespace of each camera'),
-    ('camera_info', 'camera_info', 'topic that tells the size of the pictures, likewise'),
-    ('transport', '', 'raw, or compressed: IMAGE/compressed'),
-    ('publish_tf', 'true', 'whether poses are on /tf too, whatever the file says'),
+    ('params_file', '', 'YAML file with parameters of all nodes, below /**/pose_node: etc.'),
+    ('image', 'image_raw', 'image topic in the namespace of each camera'),
+    ('camera_info', 'camera_info', 'topic with the image size, likewise'),
+    ('transport', '', 'raw, or compressed for the topic IMAGE/compressed'),
+    ('publish_tf', 'true', 'whether poses are also published on /tf; overrides the file'),
 )
 
 
 def generate_launch_description():
-    """Describe the arguments, and the nodes of each camera."""
+    """Describe the arguments and the nodes of each camera."""
     declared = [
-        DeclareLaunchArgument('cameras', description='names of the cameras: left,right'),
-        DeclareLaunchArgument('board_file', description='YAML file of the board'),
+        DeclareLaunchArgument('cameras', description='names of the cameras, such as left,right'),
+        DeclareLaunchArgument('board_file', description='board YAML file'),
         *(
             DeclareLaunchArgument(name, default_value=default, description=text)
             for name, default, text in ARGUMENTS
@@ -55,16 +54,17 @@ def _cameras(context):
 
 
 def _camera(name):
-    one = PathJoinSubstitution([FindPackageShare('p4pfr_ros'), 'launch', 'p4pfr.launch.py'])
-    told = {
+    share = FindPackageShare('p4pfr_ros')
+    launch_file = PathJoinSubstitution([share, 'launch', 'p4pfr.launch.py'])
+    arguments = {
         'namespace': name,
         'camera_name': name,
         'board_frame': f'{name}/board',
         'board_file': LaunchConfiguration('board_file'),
         'rviz': 'false',
         'lifecycle': 'false',
-        **{argument: LaunchConfiguration(argument) for argument, _, _ in ARGUMENTS},
+        **{name: LaunchConfiguration(name) for name, _, _ in ARGUMENTS},
     }
-    source = PythonLaunchDescriptionSource(one)
-    # The group keeps what one camera is told from the next.
-    return GroupAction([IncludeLaunchDescription(source, launch_arguments=told.items())])
+    source = PythonLaunchDescriptionSource(launch_file)
+    # The group limits the scope of the arguments to one camera.
+    return GroupAction([IncludeLaunchDescription(source, launch_arguments=arguments.items())])

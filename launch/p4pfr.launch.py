@@ -2,17 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-detector_node and pose_node behind a camera, and RViz where it is wanted.
+detector_node and pose_node for a camera, with RViz on request.
 
     ros2 launch p4pfr_ros p4pfr.launch.py board_file:=/path/to/board.yaml \
         image:=/camera/image_raw camera_info:=/camera/camera_info
 
-All other parameters of both nodes may come from a file: params_file:=/path/to/parameters.yaml
-There they stand below /**/pose_node: and /**/detector_node: (a plain pose_node: is the node
-without a namespace, and /**: is both nodes). An argument that is given counts, not the file.
+All other parameters of both nodes come from a file: params_file:=/path/to/parameters.yaml
+Its keys are /**/pose_node: and /**/detector_node: (pose_node: alone is the node without a
+namespace, /**: is both nodes). Arguments override the file.
 
-The poses are on pose_node/pose, in the frame of the pictures; with publish_tf:=true on /tf too.
-rviz:=true camera_frame:=FRAME shows them, FRAME being the one that the pictures are in.
+Poses are published on pose_node/pose in the frame of the images; with publish_tf:=true also on
+/tf. rviz:=true camera_frame:=FRAME shows them, where FRAME is the frame of the images.
 """
 
 from launch import LaunchDescription
@@ -24,29 +24,29 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 ARGUMENTS = (
-    ('params_file', '', 'YAML file of parameters for both nodes'),
-    ('namespace', '', 'of all nodes'),
-    ('image', 'image', 'topic of the pictures'),
-    ('camera_info', 'camera_info', 'topic that tells the size of the pictures; its K may be 0'),
-    ('lifecycle', 'false', 'whether pose_node waits for `ros2 lifecycle` to start it'),
-    ('rviz', 'false', 'whether RViz is started'),
-    ('camera_frame', 'camera_optical_frame', 'frame of the pictures, from which RViz looks'),
+    ('params_file', '', 'YAML file with parameters of both nodes'),
+    ('namespace', '', 'namespace of all nodes'),
+    ('image', 'image', 'image topic'),
+    ('camera_info', 'camera_info', 'topic with the image size; its K may be 0'),
+    ('lifecycle', 'false', 'whether pose_node is a managed node (lifecycle_pose_node)'),
+    ('rviz', 'false', 'whether to start RViz'),
+    ('camera_frame', 'camera_optical_frame', 'frame of the images, the fixed frame of RViz'),
 )
 
-# Arguments that are parameters: (argument, parameter, type, what). Without them, the file tells.
+# Arguments that set parameters: (argument, parameter, type, description). Empty: not set.
 DETECTOR_PARAMETERS = (
-    ('transport', 'image.transport', str, 'raw, or compressed: IMAGE/compressed'),
+    ('transport', 'image.transport', str, 'raw, or compressed for the topic IMAGE/compressed'),
 )
 POSE_PARAMETERS = (
-    ('board_frame', 'board_frame', str, "the board's frame"),
-    ('camera_name', 'camera_name', str, "the camera's name in the file of its calibration"),
-    ('publish_tf', 'publish_tf', bool, 'whether poses are on /tf too'),
+    ('board_frame', 'board_frame', str, 'frame of the board'),
+    ('camera_name', 'camera_name', str, 'name of the camera in the calibration file'),
+    ('publish_tf', 'publish_tf', bool, 'whether poses are also published on /tf'),
 )
 
 
 def generate_launch_description():
-    """Describe the nodes and what they are told."""
-    board_file = DeclareLaunchArgument('board_file', description='YAML file of the board')
+    """Describe the arguments and the nodes."""
+    board_file = DeclareLaunchArgument('board_file', description='board YAML file')
     parameters = (*DETECTOR_PARAMETERS, *POSE_PARAMETERS)
     others = [*ARGUMENTS, *((name, '', text) for name, _, _, text in parameters)]
     declared = [
@@ -57,7 +57,7 @@ def generate_launch_description():
 
 
 def _nodes(context):
-    # Without such a file a node must not be told of one.
+    # An empty path would be an error.
     params_file = LaunchConfiguration('params_file').perform(context)
     given = [params_file] if params_file else []
     board_file = {'board_file': LaunchConfiguration('board_file')}
@@ -65,7 +65,7 @@ def _nodes(context):
         package='p4pfr_ros',
         executable='detector_node',
         namespace=LaunchConfiguration('namespace'),
-        parameters=[*given, {**board_file, **_told(context, DETECTOR_PARAMETERS)}],
+        parameters=[*given, {**board_file, **_given(context, DETECTOR_PARAMETERS)}],
         remappings=[
             ('image', LaunchConfiguration('image')),
             ('image/compressed', [LaunchConfiguration('image'), '/compressed']),
@@ -77,14 +77,14 @@ def _nodes(context):
         executable='lifecycle_pose_node' if managed else 'pose_node',
         name='pose_node',
         namespace=LaunchConfiguration('namespace'),
-        parameters=[*given, {**board_file, **_told(context, POSE_PARAMETERS)}],
+        parameters=[*given, {**board_file, **_given(context, POSE_PARAMETERS)}],
         remappings=[('camera_info', LaunchConfiguration('camera_info'))],
     )
     return [detector, pose]
 
 
-def _told(context, parameters):
-    """Return those of the parameters that are told by arguments."""
+def _given(context, parameters):
+    """Return the parameters that are set by arguments."""
     return {
         name: ParameterValue(LaunchConfiguration(argument), value_type=kind)
         for argument, name, kind, _ in parameters

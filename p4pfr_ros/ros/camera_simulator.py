@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""camera_simulator: pictures of a moving board, and the truth about it, without hardware."""
+"""camera_simulator: images of a moving board with its true pose, without hardware."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from .conversions import camera_info_msg, image_msg, ImageFrame, pose_msg
 from .parameters.board_file import required_board
 from .parameters.declare import Parameters
 from .parameters.image_node_options import CameraSimulatorOptions
-from .runtime.endpoints import advertise, is_heard
-from .runtime.rejections import Rejected, Rejections
+from .runtime.endpoints import advertise, has_subscribers
+from .runtime.rejections import CauseLog, Rejected
 from .runtime.spin import run
 
 
@@ -31,32 +31,32 @@ class CameraSimulator(Node):  # type: ignore[misc]
     """
     Renders a board on a known path through a camera with a known lens.
 
-    ImageArray, camera_info and true pose of one moment carry the same stamp. The camera_info is
-    that of an uncalibrated camera: the picture's size, and K = 0. Without a subscriber there is no
-    picture, but the board moves on.
+    Image, camera_info and true pose of one instant have the same stamp. The camera_info is that
+    of an uncalibrated camera: image size, and K = 0. Without a subscriber no image is rendered,
+    but the board keeps moving.
 
     Parameters
     ----------
-    of_node
-        What every node can be told, such as ``parameter_overrides``.
+    **node_options
+        Options of rclpy's Node, such as ``parameter_overrides``.
 
     """
 
-    def __init__(self, **of_node: Any) -> None:
-        super().__init__('camera_simulator', **of_node)
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__('camera_simulator', **node_options)
         self._config = Parameters(self, CameraSimulatorOptions())
         options = self._config.options
         self._board = required_board(self.get_name(), options.board_file)
         self._frame = ImageFrame((options.camera.width_px, options.camera.height_px))
         self._path = SimulatedPath(self._board, self._frame.size, options.path.seed)
         self._renderer = self._make_renderer()
-        self._misses = Rejections(lambda text: self.get_logger().warning(text))
+        self._misses = CauseLog(self.get_logger())
         self._count = 0
         self._path_time_s = 0.0
         self._image = advertise(self, Image, 'image')
         self._camera_info = advertise(self, CameraInfo, 'camera_info')
         self._pose_true = advertise(self, PoseStamped, '~/pose_true')
-        self.create_timer(1.0 / options.rate_hz, self._take_picture)
+        self.create_timer(1.0 / options.rate_hz, self._publish_image)
         self.get_logger().info('ready')
 
     def _make_renderer(self) -> Renderer:
@@ -66,7 +66,7 @@ class CameraSimulator(Node):  # type: ignore[misc]
         camera = DivisionCamera(lens.focal_px, center_px, lens.k)
         return Renderer(camera, self._frame.size)
 
-    def _take_picture(self) -> None:
+    def _publish_image(self) -> None:
         options = self._config.options
         lens = options.camera
         if (lens.focal_px, lens.k) != (self._renderer.camera.focal_px, self._renderer.camera.k):
@@ -74,20 +74,22 @@ class CameraSimulator(Node):  # type: ignore[misc]
         try:
             pose = self._path.at(self._path_time_s, self._renderer.camera)
         except ValueError:
-            self._misses.add(Rejected('no_board', 'this camera cannot see the board: no picture'))
+            self._misses.add(
+                Rejected('no_board', 'the whole board is not visible with this lens: no image')
+            )
             return
-        # Drawing is nearly all of the work, and not done for nobody. It takes longer than a
-        # shutter: the picture counts as taken when it is ready.
-        picture = self._drawn(pose) if is_heard(self._image) else None
+        # Rendering is almost all of the work, so it needs a subscriber. It takes longer than an
+        # exposure, so the stamp is the time when the image is ready.
+        image = self._rendered(pose) if has_subscribers(self._image) else None
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=lens.frame_id)
         self._camera_info.publish(camera_info_msg(header, self._frame))
         self._pose_true.publish(pose_msg(header, pose))
-        if picture is not None:
-            self._image.publish(image_msg(header, picture))
+        if image is not None:
+            self._image.publish(image_msg(header, image))
         self._count += 1
         self._path_time_s += options.path.speed / options.rate_hz
 
-    def _drawn(self, pose: Pose) -> NDArray[np.uint8]:
+    def _rendered(self, pose: Pose) -> NDArray[np.uint8]:
         lens = self._config.options.camera
         return self._renderer.render(
             self._board,

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""detector_node: pictures in, the points of each board out."""
+"""detector_node: images in, the points of each board out."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from p4pfr_ros.detection import detect, Detection
 from p4pfr_ros.report.drawing import annotate
+from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Header
@@ -25,34 +26,34 @@ from .conversions import (
 from .parameters.board_file import required_boards
 from .parameters.declare import Parameters
 from .parameters.image_node_options import DetectorNodeOptions
-from .runtime.endpoints import advertise, is_heard, subscribe
-from .runtime.rejections import Rejected, Rejections
+from .runtime.endpoints import advertise, has_subscribers, subscribe
+from .runtime.rejections import CauseLog, Rejected
 from .runtime.spin import run
 
 
 class DetectorNode(Node):  # type: ignore[misc]
     """
-    Finds the points of one board, or of several, in each picture.
+    Detects one or several boards in each image.
 
-    Each board that is found gives one message, with the header of the picture. Where the file
-    holds several boards, the field ``board`` says which one it is: its place there, from 0.
+    Each detected board is published as one message with the header of the image. With several
+    boards in the file, the field ``board`` is the index of the board there, from 0.
 
     Parameters
     ----------
-    of_node
-        What every node can be told, such as ``parameter_overrides``.
+    **node_options
+        Options of rclpy's Node, such as ``parameter_overrides``.
 
     """
 
-    def __init__(self, **of_node: Any) -> None:
-        super().__init__('detector_node', **of_node)
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__('detector_node', **node_options)
         options = Parameters(self, DetectorNodeOptions()).options
         self._boards = list(required_boards(self.get_name(), options.board_file).values())
-        self._rejections = Rejections(lambda text: self.get_logger().warning(text))
-        self._misses = Rejections(lambda text: self.get_logger().info(text))
+        self._rejections = CauseLog(self.get_logger())
+        self._misses = CauseLog(self.get_logger(), LoggingSeverity.INFO)
         self._correspondences = advertise(self, PointCloud2, 'correspondences')
         self._annotated = advertise(self, Image, '~/image_annotated')
-        # Where pictures come faster than they are looked at, an old one is of no use.
+        # Depth 1: if images arrive faster than they are processed, the newest is the useful one.
         if options.image.transport == 'compressed':
             subscribe(self, CompressedImage, 'image/compressed', self._on_compressed, depth=1)
         else:
@@ -60,44 +61,44 @@ class DetectorNode(Node):  # type: ignore[misc]
         self.get_logger().info('ready')
 
     def _on_image(self, msg: Image) -> None:
-        self._look_at(msg.header, image_from_msg(msg))
+        self._process(msg.header, image_from_msg(msg))
 
     def _on_compressed(self, msg: CompressedImage) -> None:
-        self._look_at(msg.header, image_from_compressed(msg))
+        self._process(msg.header, image_from_compressed(msg))
 
-    def _look_at(self, header: Header, picture: ImageArray | Rejected) -> None:
-        if isinstance(picture, Rejected):
-            self._rejections.add(picture)
-        elif is_heard(self._correspondences, self._annotated):
-            self._publish(header, picture, [detect(picture, board) for board in self._boards])
+    def _process(self, header: Header, image: ImageArray | Rejected) -> None:
+        if isinstance(image, Rejected):
+            self._rejections.add(image)
+        elif has_subscribers(self._correspondences, self._annotated):
+            self._publish(header, image, [detect(image, board) for board in self._boards])
 
-    def _publish(self, header: Header, picture: ImageArray, detections: list[Detection]) -> None:
-        for board, found in enumerate(detections):
-            if not found.reason:
+    def _publish(self, header: Header, image: ImageArray, detections: list[Detection]) -> None:
+        for index, detection in enumerate(detections):
+            if not detection.reason:
                 self._correspondences.publish(
                     cloud_msg(
                         header,
-                        found.image_points,
-                        found.board_points,
-                        found.ids,
-                        board if len(detections) > 1 else None,
+                        detection.image_points,
+                        detection.board_points,
+                        detection.ids,
+                        index if len(detections) > 1 else None,
                     )
                 )
-        together = _together(detections)
-        if together.reason:
-            self._misses.add(Rejected('no_board', together.reason))
-        if is_heard(self._annotated):
-            self._annotated.publish(image_msg(header, annotate(picture, together)))
+        merged = _merged(detections)
+        if merged.reason:
+            self._misses.add(Rejected('no_board', merged.reason))
+        if has_subscribers(self._annotated):
+            self._annotated.publish(image_msg(header, annotate(image, merged)))
 
 
-def _together(detections: list[Detection]) -> Detection:
-    """Return all points of all boards; where there are none, all reasons."""
-    found = [detection for detection in detections if not detection.reason]
+def _merged(detections: list[Detection]) -> Detection:
+    """Return the points of all boards; without any, the reasons of all boards."""
+    is_detected = any(not detection.reason for detection in detections)
     return Detection(
         np.concatenate([detection.image_points for detection in detections]),
         np.concatenate([detection.board_points for detection in detections]),
         np.concatenate([detection.ids for detection in detections]),
-        '' if found else '; '.join(detection.reason for detection in detections),
+        '' if is_detected else '; '.join(detection.reason for detection in detections),
     )
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""lifecycle_pose_node: pose_node, with a lifecycle that somebody else manages."""
+"""lifecycle_pose_node: pose_node as a managed node."""
 
 from __future__ import annotations
 
@@ -13,108 +13,108 @@ from p4pfr_ros.files.yaml_fields import ConfigError
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from .parameters.declare import Parameters
-from .parameters.image_node_options import PoseNodeOptions
-from .pose.pipeline import PoseWork
+from .parameters.pose_options import PoseNodeOptions
+from .pose.pipeline import PosePipeline
 from .runtime.overrides import warn_of_unknown_overrides
 from .runtime.spin import run
 
-_DONE, _REFUSED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+_SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
 class LifecyclePoseNode(LifecycleNode):  # type: ignore[misc]
     """
-    pose_node's work, made, begun, paused and taken down on request.
+    Creates, starts, stops and destroys the pose pipeline on request.
 
-    Parameters are there from the beginning. Configuring reads the files that they name, makes
-    publishers and services and compiles the kernels; between activating and deactivating the
-    node listens; cleaning up forgets what was found and not saved.
+    Parameters are declared at once. Configure loads the files, creates publishers and services
+    and compiles the kernels; activate subscribes, deactivate unsubscribes; cleanup destroys
+    everything, including a calibration that was not saved.
 
     Parameters
     ----------
-    **options
-        As rclpy's Node takes them.
+    **node_options
+        Options of rclpy's Node, such as ``parameter_overrides``.
 
     """
 
-    def __init__(self, **options: Any) -> None:
-        super().__init__('lifecycle_pose_node', **options)
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__('lifecycle_pose_node', **node_options)
         self._config = Parameters(self, PoseNodeOptions())
-        self._work: PoseWork | None = None
-        self._has_listened = False
+        self._pipeline: PosePipeline | None = None
+        self._was_activated = False
         self.get_logger().info('ready to be configured')
 
     def on_configure(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Get ready; refused, with a line in the log, where a file is wrong."""
-        return self._make('configured', self._configure)
+        """Create the pipeline; fails with a line in the log if the configuration is invalid."""
+        return self._attempt('configured', self._configure)
 
     def on_activate(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to listen; refused, with a line in the log, where an override is wrong."""
-        return self._make('activated', self._activate)
+        """Subscribe; fails with a line in the log if a QoS override is invalid."""
+        return self._attempt('activated', self._activate)
 
     def on_deactivate(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Listen no more."""
-        assert self._work is not None
-        return self._make('deactivated', self._work.stop)
+        """Unsubscribe."""
+        assert self._pipeline is not None
+        return self._attempt('deactivated', self._pipeline.stop)
 
     def on_cleanup(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Take everything down."""
-        return self._make('cleaned up', self._take_down)
+        """Destroy the pipeline."""
+        return self._attempt('cleaned up', self._destroy_pipeline)
 
     def on_shutdown(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Take everything down, whatever there is."""
-        return self._make('shut down', self._take_down)
+        """Destroy the pipeline, if there is one."""
+        return self._attempt('shut down', self._destroy_pipeline)
 
     def on_error(self, _: LifecycleState) -> TransitionCallbackReturn:
-        """Take down what an unexpected error has left; the node may be configured again."""
-        return self._make('recovered', self._take_down)
+        """Destroy the pipeline after an unexpected error; the node can be configured again."""
+        return self._attempt('recovered', self._destroy_pipeline)
 
-    def _make(self, what: str, transition: Callable[[], None]) -> TransitionCallbackReturn:
-        """Make a transition; what the user has configured wrongly refuses it."""
+    def _attempt(self, done: str, transition: Callable[[], None]) -> TransitionCallbackReturn:
+        """Run a transition; a ``ConfigError`` makes it fail."""
         try:
             transition()
         except ConfigError as error:
-            self.get_logger().error(f'not {what}: {error}')
-            return _REFUSED
+            self.get_logger().error(f'not {done}: {error}')
+            return _FAILURE
         except Exception:
-            # rclpy goes on to on_error, without a word of what has happened.
-            self.get_logger().error(f'not {what}: {traceback.format_exc()}')
+            # rclpy continues with on_error and does not log the exception.
+            self.get_logger().error(f'not {done}: {traceback.format_exc()}')
             raise
-        return _DONE
+        return _SUCCESS
 
     def _configure(self) -> None:
-        self._work = PoseWork(self, self._config)
+        self._pipeline = PosePipeline(self, self._config)
 
     def _activate(self) -> None:
-        assert self._work is not None
+        assert self._pipeline is not None
         try:
-            self._work.start()
+            self._pipeline.start()
         except Exception:
-            self._work.stop()
+            self._pipeline.stop()
             raise
-        if not self._has_listened:
-            # Now it has had all of its endpoints.
+        if not self._was_activated:
+            # Only now all endpoints have been created.
             warn_of_unknown_overrides(self)
-        self._has_listened = True
+        self._was_activated = True
 
-    def _take_down(self) -> None:
-        if self._work is not None:
-            self._work.close()
-            self._work = None
+    def _destroy_pipeline(self) -> None:
+        if self._pipeline is not None:
+            self._pipeline.close()
+            self._pipeline = None
 
-    # A private method of rclpy's, as Python spells its name outside; no other is touched. Of a
-    # transition that the state does not have it makes an exception that nobody catches: the
-    # node's end, and a caller that waits for ever. That is rclpy's issue 1209, mended by its pull
-    # request 1319; to be removed with the last supported release without it (Jazzy's 7.1 is one).
+    # Overrides a private method of rclpy by its mangled name, the only one. For a transition that
+    # the current state does not have, rclpy raises an exception that ends the node, and the caller
+    # waits forever: rclpy issue 1209, fixed by pull request 1319. Remove this with the last
+    # supported release that lacks the fix (Jazzy's 7.1 does).
     def _LifecycleNodeMixin__change_state(self, transition_id: int) -> TransitionCallbackReturn:
-        there_are = {there[0]: there[1] for there in self._state_machine.available_transitions}
-        if transition_id not in there_are:
+        available = {item[0]: item[1] for item in self._state_machine.available_transitions}
+        if transition_id not in available:
             state = self._state_machine.current_state[1]
-            expected = ', '.join(f'{number} ({label})' for number, label in there_are.items())
+            expected = ', '.join(f'{number} ({label})' for number, label in available.items())
             self.get_logger().warning(
-                f'transition refused: expected one of the state {state}: '
+                f'transition rejected: expected a transition of the state {state}: '
                 f'{expected or "none"}, got {transition_id}'
             )
-            return _REFUSED
+            return _FAILURE
         return super()._LifecycleNodeMixin__change_state(transition_id)
 
 

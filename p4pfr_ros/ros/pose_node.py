@@ -6,22 +6,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from rclpy.node import Node
 
 from .parameters.declare import Parameters
-from .parameters.image_node_options import PoseNodeOptions
-from .pose.pipeline import PoseWork
+from .parameters.pose_options import PoseNodeOptions
+from .pose.pipeline import PosePipeline
 from .runtime.spin import run
 
 
 class PoseNode(Node):  # type: ignore[misc]
-    """Works from its beginning to its end; `lifecycle_pose_node` does so when it is told to."""
+    """
+    Runs the pose pipeline from start to end; `lifecycle_pose_node` does so on request.
 
-    def __init__(self) -> None:
-        super().__init__('pose_node')
-        self._work = PoseWork(self, Parameters(self, PoseNodeOptions()))
-        self._work.start()
+    Parameters
+    ----------
+    **node_options
+        Options of rclpy's Node, such as ``parameter_overrides``.
+
+    """
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__('pose_node', **node_options)
+        self._pipeline = PosePipeline(self, Parameters(self, PoseNodeOptions()))
+        self._pipeline.start()
         self.get_logger().info('ready')
 
 

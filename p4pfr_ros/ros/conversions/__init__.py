@@ -2,18 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Messages to numbers and back: the only room that knows the fields of a message.
+Conversions between messages and numbers; only these modules access the fields of messages.
 
-What comes over the wire is not trusted. A function that reads a node's input returns
-``Rejected``, with a cause and a reason, where the message has no answer, and never raises for
-what is in it. Those that read our own outputs back, ``pose_from_msg`` and
-``division_camera_from_msg``, raise ``ValueError``.
+Received messages are not trusted. A function that converts an input of a node returns
+``Rejected``, with a cause and a reason, if the message is invalid; it never raises because of
+the content of a message. ``pose_from_msg`` and ``division_camera_from_msg`` read messages that
+our own nodes have published, and raise ``ValueError``.
 """
 
-from p4pfr_ros.boards.conventions import CORNER_ORDERS
 from p4pfr_ros.files.images import ImageArray
 
-from .alternatives import pose_array_msg
 from .cameras import (
     camera_info_division_msg,
     camera_info_from_model_msg,
@@ -24,14 +22,17 @@ from .cameras import (
     LARGEST_IMAGE_PX,
     model_from_msg,
 )
-from .correspondences import cloud_msg, correspondences_from_cloud
+from .correspondences import (
+    cloud_msg,
+    Correspondences,
+    correspondences_from_cloud,
+    correspondences_from_polygon,
+)
 from .detections import correspondences_from_detections, detection_array_type
 from .images import image_from_compressed, image_from_msg, image_msg
-from .points import Correspondences, correspondences_from_polygon
-from .poses import pose_from_msg, pose_msg, pose_with_covariance_msg
+from .poses import pose_array_msg, pose_from_msg, pose_msg, pose_with_covariance_msg, transform_msg
 
 __all__ = [
-    'CORNER_ORDERS',
     'LARGEST_IMAGE_PX',
     'Correspondences',
     'ImageArray',
@@ -54,4 +55,5 @@ __all__ = [
     'pose_from_msg',
     'pose_msg',
     'pose_with_covariance_msg',
+    'transform_msg',
 ]

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-CameraInfo <-> the picture's frame, the division camera, and the models of image_proc.
+CameraInfo <-> image frame, division camera, and the camera models of image_proc.
 
-The picture that a driver sends may be a window (``roi``) of the sensor's full picture, with
-pixels combined (``binning_x``, ``binning_y``). Lens and distortion centre belong to the full raw
-picture, and CameraInfo's K speaks of it, so corners are taken there before anything else.
+The image that a driver sends may be a window (``roi``) of the full image of the sensor, with
+pixels combined (``binning_x``, ``binning_y``). The camera model and CameraInfo's K refer to the
+full raw image, so points are converted to its pixels first.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from std_msgs.msg import Header
 
 from ..runtime.rejections import Rejected
 
-# In either direction; no sensor comes near it.
+# Width and height; far beyond any sensor.
 LARGEST_IMAGE_PX = 65535
 
-# No lens comes near these, and powers of what lies between can still be computed with.
-_SHORTEST_PX = 1e-3
-_LARGEST = 1e7
+# Limits of the numbers in K and D: far beyond any lens, and powers of them do not overflow.
+_MIN_FOCAL_PX = 1e-3
+_MAX_NUMBER = 1e7
 
 
 @dataclass(frozen=True, slots=True)
 class ImageFrame:
     """
-    Size of the full raw picture, and where in it the pixels of the sent picture lie.
+    Size of the full raw image, and the window and binning of the image that was sent.
 
     Parameters
     ----------
     size
-        Width and height of the full raw picture, pixels.
+        Width and height of the full raw image, pixels.
     offset_px, window
-        The sent picture's top left corner in the full one, and its size there (0, 0: all of it).
+        Top left corner and size of the sent image in the full one; (0, 0): the whole image.
     binning
-        Full pixels (across, down) that were made into one of the sent picture.
+        Full pixels (horizontally, vertically) that are combined to one pixel of the sent image.
 
     """
 
@@ -52,7 +52,7 @@ class ImageFrame:
     binning: tuple[int, int] = (1, 1)
 
     def full_from_sent(self, points_px: Array) -> Array:
-        """Take (N, 2) pixels of the picture as sent to the full raw picture."""
+        """Convert pixels (N, 2) of the sent image to pixels of the full raw image."""
         if self.binning == (1, 1) and self.offset_px == (0, 0):
             return points_px
         # Pixel i covers [i - 1/2, i + 1/2]: edges map to edges, not centres to centres.
@@ -61,7 +61,7 @@ class ImageFrame:
 
 
 def image_frame_from_msg(msg: CameraInfo) -> ImageFrame | Rejected:
-    """Take the picture's size, window and binning; the intrinsics are not looked at."""
+    """Read size, window and binning of the image; the intrinsics are ignored."""
     wrong = _wrong_size(msg)
     if wrong is not None:
         return wrong
@@ -69,7 +69,7 @@ def image_frame_from_msg(msg: CameraInfo) -> ImageFrame | Rejected:
         size=(msg.width, msg.height),
         offset_px=(msg.roi.x_offset, msg.roi.y_offset),
         window=(msg.roi.width, msg.roi.height),
-        binning=(max(1, msg.binning_x), max(1, msg.binning_y)),  # 0 means 1 there
+        binning=(max(1, msg.binning_x), max(1, msg.binning_y)),  # 0 means 1 in CameraInfo
     )
 
 
@@ -84,7 +84,7 @@ def _wrong_size(msg: CameraInfo) -> Rejected | None:
 
 
 def camera_info_msg(header: Header, frame: ImageFrame) -> CameraInfo:
-    """Make a CameraInfo of an uncalibrated camera: the picture's size, and K = 0."""
+    """Make the CameraInfo of an uncalibrated camera: the image size, and K = 0."""
     msg = CameraInfo(header=header, width=frame.size[0], height=frame.size[1])
     msg.binning_x, msg.binning_y = frame.binning
     (x, y), (width, height) = frame.offset_px, frame.window
@@ -96,31 +96,31 @@ def camera_info_from_model_msg(
     header: Header, frame: ImageFrame, model: CameraInfoModel
 ) -> CameraInfo:
     """
-    Make the CameraInfo of a calibrated camera, as image_proc rectifies by it.
+    Make the CameraInfo of a calibrated camera, for image_proc.
 
-    K and P speak of the full raw picture, whatever the frame's window and binning: image_proc
-    takes them to the picture as sent. P = K, so the rectified picture has the raw one's scale in
-    its middle: a barrel lens loses its rim, which an undistorted plane would stretch without end.
+    K and P refer to the full raw image, whatever the window and binning of the frame; image_proc
+    converts them to the sent image. P = K, so the rectified image has the scale of the raw image
+    at its centre. Of a barrel lens the rim is cut off: a plane would stretch it without limit.
     """
     msg = _with_intrinsics(header, frame, model.focal_px, model.center_px)
     msg.distortion_model = model.distortion_model
     msg.d = list(model.coefficients)
-    # A window of the raw picture is a window of the rectified one too.
+    # A window of the raw image is a window of the rectified image too.
     msg.roi.do_rectify = frame.window not in ((0, 0), frame.size)
     return msg
 
 
 def model_from_msg(msg: CameraInfo) -> CameraInfoModel | Rejected:
     """
-    Take a calibrated camera out of a CameraInfo of any driver's.
+    Read the calibrated camera of any driver's CameraInfo.
 
-    As image_proc does, a plumb_bob without coefficients is taken for a lens without distortion.
+    A plumb_bob without coefficients means no distortion, as for image_proc.
     """
     wrong = _wrong_size(msg)
     if wrong is not None:
         return wrong
     if not np.any(msg.k):
-        return Rejected('uncalibrated', 'camera_info: K is 0, so the camera is not calibrated')
+        return Rejected('uncalibrated', 'camera_info: the camera is not calibrated (K = 0)')
     (fx, skew, cx), (_, fy, cy), last = np.reshape(msg.k, (3, 3)).tolist()
     if skew != 0.0 or last != [0.0, 0.0, 1.0]:
         return Rejected(
@@ -137,8 +137,8 @@ def model_from_msg(msg: CameraInfo) -> CameraInfoModel | Rejected:
         )
     except ValueError as error:
         return Rejected('camera_model', f'camera_info: {error}')
-    if min(fx, fy) < _SHORTEST_PX or max(map(abs, (fx, fy, cx, cy, *coefficients))) > _LARGEST:
-        return Rejected('camera_model', 'camera_info: K or D is absurdly large or small')
+    if min(fx, fy) < _MIN_FOCAL_PX or max(map(abs, (fx, fy, cx, cy, *coefficients))) > _MAX_NUMBER:
+        return Rejected('camera_model', 'camera_info: a number in K or D is out of range')
     return model
 
 
@@ -146,25 +146,25 @@ def camera_info_division_msg(
     header: Header, frame: ImageFrame, camera: DivisionCamera
 ) -> CameraInfo:
     """
-    Make a CameraInfo with the camera in its native model: 'division'.
+    Make a CameraInfo with our own camera model, 'division'.
 
-    D = [k], or [k, k2, k3] where one is not enough. K and P hold focal length and centre, R is
-    the identity. Its ray for the pixel u is (d, 1 + k |d|² + k2 |d|⁴ + k3 |d|⁶) with
-    d = (u - c) / f.
+    D is [k], or [k, k2, k3] if the camera has more than one coefficient. K and P hold focal
+    length and centre, R is the identity. Pixel u sees the ray
+    (d, 1 + k |d|² + k2 |d|⁴ + k3 |d|⁶) with d = (u - c) / f.
     """
     f = camera.focal_px
     msg = _with_intrinsics(header, frame, (f, f), camera.center_px)
     msg.distortion_model = 'division'
-    bends_more = camera.k2 != 0.0 or camera.k3 != 0.0
-    msg.d = [camera.k, camera.k2, camera.k3] if bends_more else [camera.k]
+    higher_order = camera.k2 != 0.0 or camera.k3 != 0.0
+    msg.d = [camera.k, camera.k2, camera.k3] if higher_order else [camera.k]
     return msg
 
 
 def division_camera_from_msg(msg: CameraInfo) -> DivisionCamera:
-    """Take the camera out of our own ``camera_info_division``; another one is a ``ValueError``."""
+    """Read the camera of our own ``camera_info_division``; other models raise ``ValueError``."""
     if msg.distortion_model != 'division' or len(msg.d) not in (1, 3):
         raise ValueError(
-            'expected the model division with D = [k] or [k, k2, k3], '
+            'expected distortion_model division with D = [k] or [k, k2, k3], '
             f'got {msg.distortion_model!r} with {len(msg.d)} coefficients'
         )
     return DivisionCamera(msg.k[0], (msg.k[2], msg.k[5]), *msg.d)
@@ -176,7 +176,7 @@ def _with_intrinsics(
     focal_px: tuple[float, float],
     center_px: tuple[float, float],
 ) -> CameraInfo:
-    """Make a CameraInfo of the frame with K, R = I and P = K."""
+    """Make a CameraInfo with K, R = I and P = K."""
     msg = camera_info_msg(header, frame)
     (fx, fy), (cx, cy) = focal_px, center_px
     msg.k = np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0])

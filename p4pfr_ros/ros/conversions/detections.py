@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-AprilTagDetectionArray (apriltag_msgs) to correspondences.
+AprilTagDetectionArray (apriltag_msgs) -> correspondences.
 
-Of each detection are used ``family``, ``id`` and ``corners[4]`` with ``x`` and ``y``, px. The
-package need not be installed: nothing in here needs its classes.
+Only ``family``, ``id`` and ``corners[4]`` (``x``, ``y`` in px) of each detection are used. Nothing
+here needs the message classes, so the package need not be installed.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from p4pfr_ros.boards.conventions import CORNER_ORDERS
 from p4pfr_ros.boards.parts import code_family
 from p4pfr_ros.core.geometry import Array
 
-from .points import checked, Correspondences, wrong_coordinates
+from .correspondences import checked, Correspondences, wrong_coordinates
 from ..runtime.rejections import Rejected
 
-# A marker: the set of codes that it is of, and its number there.
+# Code family and id of a marker.
 _Marker = tuple[str, int]
 
 _FAMILY = re.compile(r'(?:tag)?(\d+h\d+)', re.IGNORECASE)
-_NAMED = 3
+_MAX_LISTED = 3
 
 
 def detection_array_type() -> type[Any] | None:
-    """Return the message's class, or None where apriltag_msgs is not installed."""
+    """Return the message class; None if apriltag_msgs is not installed."""
     try:
         from apriltag_msgs.msg import AprilTagDetectionArray
     except ImportError:
@@ -47,69 +47,68 @@ def correspondences_from_detections(
     pixel_center_px: float = 0.5,
 ) -> list[Correspondences | Rejected]:
     """
-    Take the markers of boards out of a message.
+    Assign the detected tags to the boards.
 
-    Each board of markers (single, grid, bundle) of which one is seen gives one answer, with the
-    board's place in ``boards``. Other tags are ignored. Of a marker that is seen twice nobody
-    knows which is the board's, so both are left out. A tag that cannot be right is no reason to
-    mistrust other boards than its own.
+    A marker board (single marker, grid, bundle) is detected if at least one of its markers is.
+    Tags that belong to no board are ignored. If a tag is detected twice, it is ambiguous which
+    one is on the board, so both are left out. An invalid tag rejects its own board only.
 
     Parameters
     ----------
     msg
-        An AprilTagDetectionArray, or what has its fields.
+        An AprilTagDetectionArray, or any object with its fields.
     boards
-        The boards by name, in the order of their file.
+        The boards by name, in the order of the board file.
     corner_order
-        One of ``CORNER_ORDERS``; the default is AprilTag's own, which apriltag_ros passes on.
+        One of ``CORNER_ORDERS``; the default is AprilTag's, which apriltag_ros publishes.
     pixel_center_px
-        What the middle of the first pixel is called; AprilTag's own library calls it 0.5.
+        Coordinate of the centre of the first pixel; 0.5 in AprilTag's library.
 
     Returns
     -------
-    The boards that are seen; none where there is no detection. ``Rejected`` stands for a board
-    with a tag that cannot be right, for each such tag that is on no board, and for a message
-    that has nothing else.
+    The correspondences of each detected board, with its index; empty without detections.
+    ``Rejected`` for each board with an invalid tag, for each invalid tag that belongs to no
+    board, and for a message without anything else.
 
     """
-    seen = _corners_by_marker(msg.detections, CORNER_ORDERS[corner_order], pixel_center_px)
-    answers: list[Correspondences | Rejected] = []
-    strays = dict(seen)
+    detected = _corners_by_marker(msg.detections, CORNER_ORDERS[corner_order], pixel_center_px)
+    results: list[Correspondences | Rejected] = []
+    others = dict(detected)
     for index, board in enumerate(boards.values()):
         markers = _markers_of(board)
-        answer = _of_board(board, index, markers, seen)
-        if answer is not None:
-            answers.append(answer)
+        result = _of_board(board, index, markers, detected)
+        if result is not None:
+            results.append(result)
         for marker in markers:
-            strays.pop(marker, None)
-    answers += [corners for corners in strays.values() if isinstance(corners, Rejected)]
-    return answers if answers or not msg.detections else [_unknown(msg.detections)]
+            others.pop(marker, None)
+    results += [corners for corners in others.values() if isinstance(corners, Rejected)]
+    return results if results or not msg.detections else [_unknown(msg.detections)]
 
 
 def _corners_by_marker(
     detections: Iterable[Any], order: tuple[tuple[float, float], ...], pixel_center_px: float
 ) -> dict[_Marker, Array | Rejected]:
     """
-    Return the corners (4, 2) px, clockwise from the top left, of each marker seen once.
+    Return the corners (4, 2) px, clockwise from the top left, of each marker detected once.
 
-    In their place stands what is wrong with them where one of its detections cannot be right.
+    A marker with an invalid detection has ``Rejected`` instead.
     """
-    ours = [order.index(corner) for corner in CORNER_ORDERS['aruco_cw_from_top_left']]
-    times: Counter[_Marker] = Counter()
-    seen: dict[_Marker, Array | Rejected] = {}
+    clockwise = [order.index(corner) for corner in CORNER_ORDERS['aruco_cw_from_top_left']]
+    counts: Counter[_Marker] = Counter()
+    corners: dict[_Marker, Array | Rejected] = {}
     for detection in detections:
         marker = (_code_family_of(detection.family), detection.id)
-        times[marker] += 1
-        theirs = _corners_of(detection)
-        if not isinstance(theirs, Rejected):
-            theirs = theirs[ours] - pixel_center_px
-        if not isinstance(seen.get(marker), Rejected):
-            seen[marker] = theirs
-    return {m: found for m, found in seen.items() if times[m] == 1 or isinstance(found, Rejected)}
+        counts[marker] += 1
+        points = _corners_of(detection)
+        if not isinstance(points, Rejected):
+            points = points[clockwise] - pixel_center_px
+        if not isinstance(corners.get(marker), Rejected):
+            corners[marker] = points
+    return {m: c for m, c in corners.items() if counts[m] == 1 or isinstance(c, Rejected)}
 
 
 def _corners_of(detection: Any) -> Array | Rejected:
-    """Return the corners (4, 2) px of a tag as they came."""
+    """Return the corners (4, 2) px of a tag in the order of the message."""
     count = len(detection.corners)
     if count != 4:
         return Rejected(
@@ -120,13 +119,13 @@ def _corners_of(detection: Any) -> Array | Rejected:
 
 
 def _code_family_of(family: str) -> str:
-    """Return what ``code_family`` says of OpenCV's dictionary; '' of a family that it lacks."""
-    known = _FAMILY.fullmatch(family)
-    return code_family(f'DICT_APRILTAG_{known[1]}') if known else ''
+    """Return ``code_family`` of OpenCV's dictionary; '' if OpenCV does not have the family."""
+    match = _FAMILY.fullmatch(family)
+    return code_family(f'DICT_APRILTAG_{match[1]}') if match else ''
 
 
 def _markers_of(board: Board) -> list[_Marker]:
-    """Return the markers of which a board consists: each has four of its points."""
+    """Return the markers of a board, in the order of its points (four each)."""
     if not isinstance(board, MarkerBoard):
         return []
     family = code_family(board.dictionary)
@@ -134,27 +133,27 @@ def _markers_of(board: Board) -> list[_Marker]:
 
 
 def _of_board(
-    board: Board, index: int, markers: list[_Marker], seen: Mapping[_Marker, Array | Rejected]
+    board: Board, index: int, markers: list[_Marker], detected: Mapping[_Marker, Array | Rejected]
 ) -> Correspondences | Rejected | None:
-    places, corners = [], []
-    for place, marker in enumerate(markers):
-        found = seen.get(marker)
-        if isinstance(found, Rejected):
-            return found
-        if found is not None:
-            places.append(place)
-            corners.append(found)
-    if not places:
+    indices, corners = [], []
+    for i, marker in enumerate(markers):
+        points = detected.get(marker)
+        if isinstance(points, Rejected):
+            return points
+        if points is not None:
+            indices.append(i)
+            corners.append(points)
+    if not indices:
         return None
-    ids = (4 * np.array(places)[:, None] + np.arange(4)).ravel()
+    ids = (4 * np.array(indices)[:, None] + np.arange(4)).ravel()
     return checked(np.concatenate(corners), board.points[ids], ids, 'detections', index)
 
 
 def _unknown(detections: Iterable[Any]) -> Rejected:
     tags = sorted({f'{detection.family}:{detection.id}' for detection in detections})
-    more = ', ...' if len(tags) > _NAMED else ''
+    more = ', ...' if len(tags) > _MAX_LISTED else ''
     return Rejected(
         'unknown_tags',
-        f'detections: none of the tags seen ({", ".join(tags[:_NAMED])}{more}) is on a board of '
-        'board_file, or each is seen more than once',
+        f'detections: no tag ({", ".join(tags[:_MAX_LISTED])}{more}) belongs to a board of '
+        'board_file, or each was detected more than once',
     )

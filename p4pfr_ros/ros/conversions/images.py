@@ -20,24 +20,24 @@ from ..runtime.rejections import Rejected
 
 
 def image_from_msg(msg: Image) -> ImageArray | Rejected:
-    """Take the picture out of an Image, of any encoding in `pixel_formats`."""
+    """Decode an Image with any encoding of ``pixel_formats``."""
     return _or_rejected(image_from_fields(msg))
 
 
 def image_from_compressed(msg: CompressedImage) -> ImageArray | Rejected:
-    """Take the picture out of a CompressedImage: JPEG, PNG or what else OpenCV reads."""
+    """Decode a CompressedImage: JPEG, PNG or another format of OpenCV."""
     return _or_rejected(image_from_compressed_fields(msg))
 
 
-def image_msg(header: Header, picture: ImageArray) -> Image:
-    """Make an Image, mono8 or bgr8, of (h, w) grey or (h, w, 3) BGR."""
-    height, width = picture.shape[:2]
-    grey = picture.ndim == 2
+def image_msg(header: Header, image: ImageArray) -> Image:
+    """Make an Image of an array: mono8 of (h, w), bgr8 of (h, w, 3) BGR."""
+    height, width = image.shape[:2]
+    grey = image.ndim == 2
     msg = Image(header=header, height=height, width=width, encoding='mono8' if grey else 'bgr8')
     msg.step = width if grey else 3 * width
-    msg.data = array('B', picture.tobytes())
+    msg.data = array('B', image.tobytes())
     return msg
 
 
-def _or_rejected(found: ImageArray | Unreadable) -> ImageArray | Rejected:
-    return Rejected(found.cause, found.reason) if isinstance(found, Unreadable) else found
+def _or_rejected(image: ImageArray | Unreadable) -> ImageArray | Rejected:
+    return Rejected(image.cause, image.reason) if isinstance(image, Unreadable) else image

@@ -2,12 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-An estimate as markers for RViz and Foxglove.
+``PoseEstimate`` -> MarkerArray for RViz and Foxglove.
 
-Of a board named NAME there are the namespaces NAME/outline (amber where the view does not tell
-the pose), NAME/axes, NAME/points (id 0: spheres, coloured by residual; id 1: cubes, the outliers)
-and NAME/field_of_view. Their ids never change, so each message replaces the one before, and one
-without a model removes it.
+The namespaces of a board NAME are NAME/outline (amber if the view does not determine the pose),
+NAME/axes, NAME/points (id 0: inliers, spheres coloured by residual; id 1: outliers, cubes) and
+NAME/field_of_view. The ids never change, so each message replaces the previous one, and an
+estimate without a model deletes its markers.
 """
 
 from __future__ import annotations
@@ -22,53 +22,75 @@ from p4pfr_ros.core.geometry import Array, Mask
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from .points import Correspondences
+from .correspondences import Correspondences
 from .poses import bare_pose_msg
-from .residual_colors import ramp_colors
 
-# A board that is seen no more leaves the scene.
+# A board that is no longer detected disappears.
 _LIFETIME = Duration(sec=2)
 
-# Red, green, blue of the axes as everywhere in ROS.
+# x red, y green, z blue, as in RViz.
 _AXES = (
     ColorRGBA(r=0.90, g=0.22, b=0.20, a=1.0),
     ColorRGBA(r=0.25, g=0.75, b=0.30, a=1.0),
     ColorRGBA(r=0.25, g=0.45, b=0.95, a=1.0),
 )
 _OUTLINE = ColorRGBA(r=0.95, g=0.95, b=0.95, a=1.0)
-_UNSURE = ColorRGBA(r=0.95, g=0.65, b=0.15, a=0.6)
+_UNDETERMINED = ColorRGBA(r=0.95, g=0.65, b=0.15, a=0.6)
 _FIELD_OF_VIEW = ColorRGBA(r=0.65, g=0.65, b=0.70, a=0.8)
 _OUTLIER = ColorRGBA(r=0.95, g=0.10, b=0.45, a=1.0)
 
-# In sides of the board.
+# Relative to the longer side of the board.
 _LINE_WIDTH = 0.008
 _AXIS_LENGTH = 0.5
 _SHAFT, _HEAD, _HEAD_LENGTH = 0.025, 0.06, 0.1
 _POINT_SIZE = 0.03
-_SIGHT_LENGTH = 1.0
+_RAY_LENGTH = 1.0
 
-# Pieces in which a side of the picture is drawn, as the lens bends it.
-_PIECES = 16
+# Line segments per side of the image border, which the lens distorts.
+_SEGMENTS = 16
+
+# Ramp of the residuals from 0 to 1: sky blue, yellow, orange-red. The colours are bright on a
+# dark background and can be told apart with red-green colour blindness.
+_STOPS = (0.0, 0.5, 1.0)
+_RED, _GREEN, _BLUE = (0.30, 0.95, 0.90), (0.75, 0.88, 0.35), (0.95, 0.25, 0.10)
+
+# The colours are computed once: making a message for each point costs more than a lookup.
+_STEPS = 32
+
+
+def _ramp() -> tuple[ColorRGBA, ...]:
+    shares = np.linspace(0.0, 1.0, _STEPS + 1)
+    rgb = np.stack([np.interp(shares, _STOPS, c) for c in (_RED, _GREEN, _BLUE)], axis=1)
+    return tuple(ColorRGBA(r=r, g=g, b=b, a=1.0) for r, g, b in rgb.tolist())
+
+
+_RAMP = _ramp()
+
+
+def ramp_colors(shares: Array) -> list[ColorRGBA]:
+    """Return a colour for each of (N,) shares: 0 is the best; 1, more than 1 and NaN the worst."""
+    steps = np.rint(np.clip(np.nan_to_num(shares, nan=1.0), 0.0, 1.0) * _STEPS)
+    return [_RAMP[step] for step in steps.astype(int).tolist()]
 
 
 @dataclass(frozen=True, slots=True)
 class _Scene:
-    """What all markers of one message share."""
+    """Properties that all markers of one message share."""
 
     header: Header
     board_frame: str
     solution: Solution
     side_m: float  # the longer side of the board
-    sure: bool  # whether the view tells the pose
+    determined: bool  # whether the view determines the pose
 
     def on_board(self, name: str, number: int, shape: int) -> Marker:
-        """Make a marker whose points are in the board's frame."""
+        """Make a marker with points in the board frame."""
         marker = self.in_camera(name, number, shape)
         marker.pose = bare_pose_msg(self.solution.camera_from_board)
         return marker
 
     def in_camera(self, name: str, number: int, shape: int) -> Marker:
-        """Make a marker whose points are in the optical frame."""
+        """Make a marker with points in the optical frame."""
         marker = _marker(self.header, self.board_frame, name, number, Marker.ADD)
         marker.type = shape
         marker.lifetime = _LIFETIME
@@ -92,30 +114,29 @@ def markers_msg(
     Parameters
     ----------
     header
-        Of the corners: their stamp and optical frame.
+        Stamp and optical frame of the observation.
     board_frame
-        Name of the board, and of the markers' namespaces.
+        Prefix of the markers' namespaces.
     estimate
-        Without a model, the board's markers are removed.
+        Without a model, the markers of the board are deleted.
     points
-        The N points that were looked at.
+        The N observed points.
     image_points_full_px : (N, 2) array
-        Where they are in the full raw picture, px.
+        Their pixels in the full raw image.
     image_size
-        Width and height of that picture, px: its border is the field of view's.
+        Width and height of the full raw image, px.
     sheet_size_m
-        Width and height of the printed sheet where they are known; else the outline is that of
-        the points.
+        Width and height of the printed sheet; None: the outline is the extent of the points.
     full_scale_px
-        The residual at the end of the ramp of colours.
+        Residual at the end of the colour ramp.
 
     """
     solution = estimate.model
     if solution is None:
-        return MarkerArray(markers=_removals(header, board_frame))
+        return MarkerArray(markers=_deletions(header, board_frame))
     low, high = _extent(points.board_points, sheet_size_m)
-    sure = estimate.observable.direction and estimate.observable.distance
-    scene = _Scene(header, board_frame, solution, float((high - low).max()), sure)
+    determined = estimate.observable.direction and estimate.observable.distance
+    scene = _Scene(header, board_frame, solution, float((high - low).max()), determined)
     residuals_px = _residuals_px(solution, points.board_points, image_points_full_px)
     return MarkerArray(
         markers=[
@@ -128,7 +149,7 @@ def markers_msg(
 
 
 def _extent(board_points: Array, sheet_size_m: tuple[float, float] | None) -> tuple[Array, Array]:
-    """Return the corners (2,) of the outline with the smallest and largest coordinates."""
+    """Return the corners (2,) of the outline with the smallest and the largest coordinates."""
     if sheet_size_m is None:
         return board_points.min(axis=0), board_points.max(axis=0)
     half: Array = 0.5 * np.array(sheet_size_m)
@@ -136,17 +157,17 @@ def _extent(board_points: Array, sheet_size_m: tuple[float, float] | None) -> tu
 
 
 def _residuals_px(solution: Solution, board_points: Array, image_points_px: Array) -> Array:
-    """Return the distances (N,) to the reprojections; NaN where the camera sees no point."""
+    """Return the distances (N,) to the reprojections; NaN if a point does not project."""
     in_camera = solution.camera_from_board.transform(np.pad(board_points, ((0, 0), (0, 1))))
-    away = image_points_px - solution.camera.project(in_camera)
-    residuals: Array = np.linalg.norm(away, axis=1)
-    return residuals
+    residual_px = image_points_px - solution.camera.project(in_camera)
+    distances: Array = np.linalg.norm(residual_px, axis=1)
+    return distances
 
 
 def _outline(scene: _Scene, low: Array, high: Array) -> Marker:
     marker = scene.on_board('outline', 0, Marker.LINE_STRIP)
     marker.scale.x = _LINE_WIDTH * scene.side_m
-    marker.color = _OUTLINE if scene.sure else _UNSURE
+    marker.color = _OUTLINE if scene.determined else _UNDETERMINED
     (left, bottom), (right, top) = low.tolist(), high.tolist()
     corners = ((left, top), (right, top), (right, bottom), (left, bottom), (left, top))
     marker.points = [Point(x=x, y=y) for x, y in corners]
@@ -170,54 +191,54 @@ def _axes(scene: _Scene) -> list[Marker]:
 def _points(
     scene: _Scene, board_points: Array, residuals_px: Array, inliers: Mask, full_scale_px: float
 ) -> list[Marker]:
-    """Make the inliers, coloured, and the outliers; a list without points is removed."""
+    """Make the lists of inliers and outliers; an empty list is deleted."""
     size_m = _POINT_SIZE * scene.side_m
-    good = scene.on_board('points', 0, Marker.SPHERE_LIST)
-    good.colors = ramp_colors(residuals_px[inliers] / full_scale_px)
-    bad = scene.on_board('points', 1, Marker.CUBE_LIST)
-    bad.color = _OUTLIER
-    for marker, chosen in ((good, inliers), (bad, ~inliers)):
+    inlier_list = scene.on_board('points', 0, Marker.SPHERE_LIST)
+    inlier_list.colors = ramp_colors(residuals_px[inliers] / full_scale_px)
+    outlier_list = scene.on_board('points', 1, Marker.CUBE_LIST)
+    outlier_list.color = _OUTLIER
+    for marker, mask in ((inlier_list, inliers), (outlier_list, ~inliers)):
         marker.scale = Vector3(x=size_m, y=size_m, z=size_m)
-        marker.points = [Point(x=x, y=y) for x, y in board_points[chosen].tolist()]
+        marker.points = [Point(x=x, y=y) for x, y in board_points[mask].tolist()]
         if not marker.points:
             marker.action = Marker.DELETE
-    return [good, bad]
+    return [inlier_list, outlier_list]
 
 
 def _field_of_view(scene: _Scene, camera: DivisionCamera, image_size: tuple[int, int]) -> Marker:
-    """Make the border of the picture, as rays of one length, and lines to its corners."""
+    """Make the image border as rays of equal length, and lines from the camera to its corners."""
     marker = scene.in_camera('field_of_view', 0, Marker.LINE_LIST)
     marker.scale.x = _LINE_WIDTH * scene.side_m
     marker.color = _FIELD_OF_VIEW
     rays = camera.unproject(_border(image_size))
-    # On a sphere and not on a plane: a lens may see beyond 90 degrees from its axis.
-    ends = _SIGHT_LENGTH * scene.side_m * rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    # On a sphere, not on a plane: a lens may see beyond 90 degrees from its axis.
+    ends = _RAY_LENGTH * scene.side_m * rays / np.linalg.norm(rays, axis=1, keepdims=True)
     border = [Point(x=x, y=y, z=z) for x, y, z in ends.tolist()]
-    eye = Point()
+    camera_center = Point()
     for start, end in zip(border, border[1:] + border[:1], strict=True):
         marker.points += [start, end]
-    for corner in border[::_PIECES]:
-        marker.points += [eye, corner]
+    for corner in border[::_SEGMENTS]:
+        marker.points += [camera_center, corner]
     return marker
 
 
 def _border(image_size: tuple[int, int]) -> Array:
-    """Return points (4 _PIECES, 2) px around the picture, from its top left corner clockwise."""
+    """Return points (4 _SEGMENTS, 2) px along the image border, clockwise from the top left."""
     width, height = image_size
-    # Pixel centres are integers: the picture ends half a pixel further out.
+    # Pixel centres are integers: the image ends half a pixel beyond them.
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5
-    along = np.arange(_PIECES)[:, None] / _PIECES
+    along = np.arange(_SEGMENTS)[:, None] / _SEGMENTS
     sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
     return np.concatenate([start + along * (end - start) for start, end in sides])
 
 
-_NUMBERS = {'outline': 1, 'axes': 3, 'points': 2, 'field_of_view': 1}
+_MARKER_COUNTS = {'outline': 1, 'axes': 3, 'points': 2, 'field_of_view': 1}
 
 
-def _removals(header: Header, board_frame: str) -> list[Marker]:
+def _deletions(header: Header, board_frame: str) -> list[Marker]:
     return [
         _marker(header, board_frame, name, number, Marker.DELETE)
-        for name, count in _NUMBERS.items()
+        for name, count in _MARKER_COUNTS.items()
         for number in range(count)
     ]
 

@@ -2,16 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-``Pose`` <-> PoseStamped, PoseWithCovarianceStamped and TransformStamped.
+``Pose`` <-> PoseStamped, PoseWithCovarianceStamped, PoseArray and TransformStamped.
 
-The pose is that of the board in the optical frame that the header names: x right, y down,
-z forward, metres.
+The pose is camera_from_board, in metres. The camera frame is the optical frame of the header:
+x right, y down, z forward.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from geometry_msgs.msg import Pose as PoseMsg
 from geometry_msgs.msg import (
+    PoseArray,
     PoseStamped,
     PoseWithCovarianceStamped,
     Quaternion,
@@ -23,9 +26,9 @@ import numpy as np
 from p4pfr_ros.core.geometry import Array, Pose
 from std_msgs.msg import Header
 
-# What the picture does not determine gets this variance: a standard deviation of 1 km, of 1000
-# rad. ROS has no mark for 'unknown' (-1 and 0 mean different things to different readers), and a
-# filter that is given a variance this large rightly learns nothing from the number.
+# Variance of a quantity that the view does not determine: a standard deviation of 1 km or
+# 1000 rad. ROS has no value for 'unknown' (readers interpret -1 and 0 differently); with a
+# variance this large a filter gives the measurement no weight, as it should.
 UNDETERMINED_VARIANCE = 1e6
 
 
@@ -35,7 +38,7 @@ def pose_msg(header: Header, camera_from_board: Pose) -> PoseStamped:
 
 
 def pose_from_msg(msg: PoseStamped) -> Pose:
-    """Take the pose of our own PoseStamped; a quaternion of zeros is a ``ValueError``."""
+    """Return the pose of a PoseStamped of ours; a zero quaternion raises ``ValueError``."""
     q, p = msg.pose.orientation, msg.pose.position
     return Pose.from_quaternion_xyzw([q.x, q.y, q.z, q.w], [p.x, p.y, p.z])
 
@@ -47,8 +50,8 @@ def pose_with_covariance_msg(
     Make a PoseWithCovarianceStamped.
 
     ``covariance`` is (6, 6) in ROS order: x, y, z, then rotation about the fixed axes x, y, z of
-    the header's frame. An entry that is not finite is not determined by the picture:
-    ``UNDETERMINED_VARIANCE`` on the diagonal, 0 beside it.
+    the header's frame. A quantity whose variance is not finite, or larger than
+    ``UNDETERMINED_VARIANCE``, is published with that variance and without covariances.
     """
     msg = PoseWithCovarianceStamped(header=header)
     msg.pose.pose = bare_pose_msg(camera_from_board)
@@ -56,14 +59,19 @@ def pose_with_covariance_msg(
     return msg
 
 
+def pose_array_msg(header: Header, poses: Iterable[Pose]) -> PoseArray:
+    """Make a PoseArray, possibly empty."""
+    return PoseArray(header=header, poses=[bare_pose_msg(pose) for pose in poses])
+
+
 def transform_msg(
     header: Header, child_frame: str, camera_from_board: Pose, inverse: bool = False
 ) -> TransformStamped:
     """
-    Make a TransformStamped from the header's frame, the parent, to the board's frame, the child.
+    Make a TransformStamped: the header's frame is the parent, ``child_frame`` the board's frame.
 
-    inverse: the board's frame is the parent, and the header's the child. A frame has one parent
-    in /tf, so that is for a camera which has none, or one board that several cameras see.
+    inverse: the board's frame is the parent and the header's frame the child. A frame in /tf has
+    only one parent, so use it if the camera has no other, or if several cameras view one board.
     """
     camera_frame = header.frame_id
     parent, child = (child_frame, camera_frame) if inverse else (camera_frame, child_frame)
@@ -92,9 +100,9 @@ def _published(covariance: Array) -> Array:
     variance = np.diagonal(covariance)
     if variance.max() <= UNDETERMINED_VARIANCE and np.isfinite(covariance).all():
         return covariance
-    known = np.isfinite(variance) & (variance <= UNDETERMINED_VARIANCE)
-    # A whole row and column goes at once: what is left is still positive semidefinite.
-    published = np.where(np.outer(known, known), covariance, 0.0)
-    published[~known, ~known] = UNDETERMINED_VARIANCE
+    determined = np.isfinite(variance) & (variance <= UNDETERMINED_VARIANCE)
+    # Whole rows and columns are cleared, so the rest stays positive semidefinite.
+    published = np.where(np.outer(determined, determined), covariance, 0.0)
+    published[~determined, ~determined] = UNDETERMINED_VARIANCE
     finite: Array = np.where(np.isfinite(published), published, 0.0)
     return finite

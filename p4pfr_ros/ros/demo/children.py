@@ -1,7 +1,11 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes as processes of their own: started, watched, and ended one by one."""
+"""
+Nodes as child processes: started, monitored and stopped.
+
+It stands alone because tests start the nodes of the demo without the demo.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +17,18 @@ import subprocess
 import sys
 from typing import Any
 
-# A process has so long to go away after each of these.
-_LAST_WORDS = ((signal.SIGINT, 5.0), (signal.SIGTERM, 5.0), (signal.SIGKILL, 5.0))
+# Signals that stop a process, and how long to wait after each.
+_STOP_SIGNALS = ((signal.SIGINT, 5.0), (signal.SIGTERM, 5.0), (signal.SIGKILL, 5.0))
 
 
 class Children(AbstractContextManager['Children']):
     """
-    Starts nodes, and ends whatever still runs when the ``with`` block is left.
+    Starts nodes, and stops those that still run when the ``with`` block ends.
 
     Parameters
     ----------
     log_folder
-        Where each node's output is kept, ``<node>.log``.
+        Folder for the output of each node, ``<node>.log``.
 
     """
 
@@ -47,37 +51,37 @@ class Children(AbstractContextManager['Children']):
             )
 
     def dead(self) -> str | None:
-        """Return what is to be said of a node that has ended by itself, or None."""
+        """Return a message if a node has exited on its own, or None."""
         for node, process in self._processes.items():
             if process.poll() is not None:
-                return f'{node} ended with status {process.returncode}\n{self.words()}'
+                return f'{node} exited with status {process.returncode}\n{self.output()}'
         return None
 
-    def words(self) -> str:
-        """Return what all nodes have printed."""
+    def output(self) -> str:
+        """Return the output of all nodes."""
         logs = ((node, self._log(node).read_text(errors='replace')) for node in self._processes)
-        return '\n'.join(f'{node}: {log.strip() or "(nothing said)"}' for node, log in logs)
+        return '\n'.join(f'{node}: {log.strip() or "(no output)"}' for node, log in logs)
 
     def __exit__(self, *_: object) -> None:
-        # A second Ctrl-C must not leave half of them running.
+        # A second Ctrl-C must not interrupt the stopping.
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
-            self._end_all()
+            self._stop_all()
         finally:
             signal.signal(signal.SIGINT, before)
 
-    def _end_all(self) -> None:
-        for number, patience_s in _LAST_WORDS:
+    def _stop_all(self) -> None:
+        for number, timeout_s in _STOP_SIGNALS:
             for process in self._processes.values():
                 if process.poll() is None:
                     process.send_signal(number)
-            if self._all_gone(patience_s):
+            if self._have_exited(timeout_s):
                 return
 
-    def _all_gone(self, patience_s: float) -> bool:
+    def _have_exited(self, timeout_s: float) -> bool:
         for process in self._processes.values():
             try:
-                process.wait(patience_s)
+                process.wait(timeout_s)
             except subprocess.TimeoutExpired:
                 return False
         return True

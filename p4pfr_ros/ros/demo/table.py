@@ -1,7 +1,11 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The demo's screen: a live table on a terminal, a line now and then elsewhere."""
+"""
+The output of the demo: a live table on a terminal, otherwise a line every two seconds.
+
+It stands alone because it is the only part that formats text with rich.
+"""
 
 from __future__ import annotations
 
@@ -14,19 +18,19 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from .views import Errors, median_errors, tilt_deg, View
+from .views import DemoView, Errors, median_errors
 
 _LINE_PERIOD_S = 2.0
 
 
 class Screen(AbstractContextManager['Screen']):
     """
-    Shows the estimate beside the truth while views come in.
+    Shows the estimate and the truth of the latest view.
 
     Parameters
     ----------
     console
-        Where to write.
+        The console to write to.
     camera
         The true camera.
 
@@ -36,7 +40,7 @@ class Screen(AbstractContextManager['Screen']):
         self._console = console
         self._camera = camera
         self._live = Live(console=console, refresh_per_second=8) if console.is_terminal else None
-        self._said_s = -_LINE_PERIOD_S
+        self._printed_s = -_LINE_PERIOD_S
 
     def __enter__(self) -> Screen:
         if self._live is not None:
@@ -47,17 +51,17 @@ class Screen(AbstractContextManager['Screen']):
         if self._live is not None:
             self._live.stop()
 
-    def show(self, view: View, errors: list[Errors]) -> None:
-        """Show the latest view, and the median of all errors so far."""
+    def show(self, view: DemoView, errors: list[Errors]) -> None:
+        """Show the latest view and the median of all errors."""
         if self._live is not None:
             self._live.update(_table(view, self._camera, errors))
-        elif time.monotonic() - self._said_s >= _LINE_PERIOD_S:
-            self._said_s = time.monotonic()
+        elif time.monotonic() - self._printed_s >= _LINE_PERIOD_S:
+            self._printed_s = time.monotonic()
             self._console.print(_line(view, self._camera, errors), highlight=False, soft_wrap=True)
 
 
-def _table(view: View, camera: DivisionCamera, errors: list[Errors]) -> Table:
-    table = Table(title=f'{len(errors)} views: one picture each, nothing calibrated')
+def _table(view: DemoView, camera: DivisionCamera, errors: list[Errors]) -> Table:
+    table = Table(title=f'{len(errors)} views, each estimated from a single image')
     for heading in ('', 'estimate', 'truth', 'error', 'median error'):
         table.add_column(heading, justify='right')
     now, median = errors[-1], median_errors(errors)
@@ -71,8 +75,8 @@ def _table(view: View, camera: DivisionCamera, errors: list[Errors]) -> Table:
     )
     table.add_row(
         'tilt, degrees',
-        f'{tilt_deg(solution.camera_from_board):.2f}',
-        f'{tilt_deg(view.true_pose):.2f}',
+        f'{solution.camera_from_board.tilt_deg:.2f}',
+        f'{view.true_pose.tilt_deg:.2f}',
     )
     table.add_row(
         'rotation, degrees', '', '', f'{now.rotation_deg:.2f}', f'{median.rotation_deg:.2f}'
@@ -93,16 +97,16 @@ def _table(view: View, camera: DivisionCamera, errors: list[Errors]) -> Table:
     )
     table.add_row('rms, px', f'{now.rms_px:.3f}', '', '', f'{median.rms_px:.3f}')
     milliseconds = (f'{1e3 * e.latency_s:.1f}' for e in (now, median))
-    table.add_row('picture to pose, ms', next(milliseconds), '', '', next(milliseconds))
+    table.add_row('image to pose, ms', next(milliseconds), '', '', next(milliseconds))
     return table
 
 
-def _line(view: View, camera: DivisionCamera, errors: list[Errors]) -> str:
+def _line(view: DemoView, camera: DivisionCamera, errors: list[Errors]) -> str:
     now, camera_now = errors[-1], view.estimate.camera
-    tilt, true_tilt = tilt_deg(view.estimate.camera_from_board), tilt_deg(view.true_pose)
+    tilt, true_tilt = view.estimate.camera_from_board.tilt_deg, view.true_pose.tilt_deg
     return (
-        f'view {len(errors):4d}: position off by {now.position:.2%}, '
-        f'tilt {tilt:.1f}° (true {true_tilt:.1f}°), rotation off by {now.rotation_deg:.2f}°, '
+        f'view {len(errors):4d}: position error {now.position:.2%}, '
+        f'tilt {tilt:.1f}° (true {true_tilt:.1f}°), rotation error {now.rotation_deg:.2f}°, '
         f'f {camera_now.focal_px:.1f} px ({camera.focal_px:.1f}), '
         f'k {camera_now.k:.3f} ({camera.k:.3f}), rms {now.rms_px:.2f} px, '
         f'{1e3 * now.latency_s:.0f} ms'

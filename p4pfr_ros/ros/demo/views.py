@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What was seen, estimated and true at one moment, and how far apart they are."""
+"""The views of the demo: image, estimate and truth, and the errors of the estimates."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from ..conversions import Correspondences, ImageArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
-    """Everything of one stamp; ``latency_s`` from the picture's stamp to the pose's arrival."""
+class DemoView:
+    """All data with one stamp; ``latency_s`` is from that stamp to the arrival of the pose."""
 
-    picture: ImageArray
+    image: ImageArray
     points: Correspondences
     estimate: Solution
     true_pose: Pose
@@ -27,12 +27,12 @@ class View:
 
     @property
     def extent_px(self) -> float:
-        """Width and height of the box around the points, added up."""
+        """Width plus height of the bounding box of the points."""
         return float(np.ptp(self.points.image_points, axis=0).sum())
 
     @property
     def rms_px(self) -> float:
-        """Reprojection error of the estimate."""
+        """RMS reprojection error of the estimate."""
         board_points = np.pad(self.points.board_points, ((0, 0), (0, 1)))
         in_camera = self.estimate.camera_from_board.transform(board_points)
         residuals = self.estimate.camera.project(in_camera) - self.points.image_points
@@ -42,10 +42,10 @@ class View:
 @dataclass(frozen=True, slots=True)
 class Errors:
     """
-    How far an estimate is from the truth.
+    The errors of an estimate.
 
-    position and focal are relative (to the board's distance, to the true focal length);
-    rotation_deg is the angle of the whole turn that is missing, about whatever axis.
+    position and focal are relative to the true distance and the true focal length; rotation_deg
+    is the angle of the rotation between estimate and truth.
     """
 
     position: float
@@ -56,12 +56,12 @@ class Errors:
     latency_s: float
 
     @classmethod
-    def of(cls, view: View, camera: DivisionCamera) -> Errors:
-        """Compare a view's estimate with its true pose and the true camera."""
+    def of(cls, view: DemoView, camera: DivisionCamera) -> Errors:
+        """Compare the estimate of a view with its true pose and the true camera."""
         pose, true = view.estimate.camera_from_board, view.true_pose
-        away = float(np.linalg.norm(pose.translation - true.translation))
+        error_m = float(np.linalg.norm(pose.translation - true.translation))
         return cls(
-            position=away / float(np.linalg.norm(true.translation)),
+            position=error_m / true.distance,
             rotation_deg=math.degrees(rotation_angle_rad(pose.rotation, true.rotation)),
             focal=abs(view.estimate.camera.focal_px / camera.focal_px - 1.0),
             k=abs(view.estimate.camera.k - camera.k),
@@ -70,13 +70,32 @@ class Errors:
         )
 
 
+class Record:
+    """
+    The errors of all views, the last view, and the view with the largest board.
+
+    Parameters
+    ----------
+    camera
+        The true camera.
+
+    """
+
+    def __init__(self, camera: DivisionCamera) -> None:
+        self.errors: list[Errors] = []
+        self.last: DemoView | None = None
+        self.largest: DemoView | None = None
+        self._camera = camera
+
+    def add(self, view: DemoView) -> None:
+        """Add a view."""
+        self.errors.append(Errors.of(view, self._camera))
+        self.last = view
+        if self.largest is None or view.extent_px > self.largest.extent_px:
+            self.largest = view
+
+
 def median_errors(errors: list[Errors]) -> Errors:
-    """Return the median of each."""
+    """Return the median of each error."""
     rows = [[getattr(e, name) for name in Errors.__slots__] for e in errors]
     return Errors(*np.median(rows, axis=0).tolist())
-
-
-def tilt_deg(camera_from_board: Pose) -> float:
-    """Return the angle between board and image plane: 0 seen head-on, 180 from behind."""
-    x, y, z = camera_from_board.rotation[:, 2]  # out of the board, so towards the camera
-    return math.degrees(math.atan2(math.hypot(x, y), -z))

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The board, or the boards, that a node's parameter ``board_file`` names."""
+"""The boards of a node whose parameter ``board_file`` is required."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from p4pfr_ros.files.yaml_fields import ConfigError
 
 def required_board(node_name: str, board_file: str) -> Board:
     """
-    Read the one board of a node that cannot do without.
+    Load the only board of the file.
 
     Raises
     ------
     ConfigError
-        No file was given, or the file is wrong, or holds several boards.
+        The parameter is empty, or the file is invalid or has several boards.
 
     """
     return load_board(_required(node_name, board_file))
@@ -25,12 +25,12 @@ def required_board(node_name: str, board_file: str) -> Board:
 
 def required_boards(node_name: str, board_file: str) -> dict[str, Board]:
     """
-    Read the boards, by name, of a node that cannot do without.
+    Load all boards of the file, by name.
 
     Raises
     ------
     ConfigError
-        No file was given, or the file is wrong.
+        The parameter is empty, or the file is invalid.
 
     """
     return load_boards(_required(node_name, board_file))

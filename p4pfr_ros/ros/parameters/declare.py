@@ -2,17 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A node's parameters, declared by a frozen dataclass: the only place that knows their defaults.
+Declares the parameters of a node from a frozen dataclass, which holds their defaults.
 
-A field made by ``parameter`` is a ROS parameter of its name; a field that is such a dataclass
-itself is a group: ``options.marker.size_m`` is the parameter ``marker.size_m``.
+A field made by ``parameter``, or by ``option`` of the core, is a ROS parameter with the name of
+the field. A field whose value is another such dataclass is a group: ``options.marker.size_m`` is
+the parameter ``marker.size_m``. A core option with the default None is 0.0 in ROS: not given.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 import dataclasses
-from difflib import get_close_matches
 from typing import Any, Generic, TypeVar
 
 from p4pfr_ros.files.yaml_fields import ConfigError
@@ -26,16 +26,20 @@ from rclpy.exceptions import InvalidParameterTypeException, ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from ..runtime.overrides import given_parameters, warn_of_unknown
+
 Options = TypeVar('Options')
 Value = TypeVar('Value', bool, int, float, str)
 
-# What ROS itself declares on any node; qos_overrides.py looks after the overrides.
-_OF_ROS = ('use_sim_time', 'qos_overrides.', 'start_type_description_service')
+# Parameters that ROS declares for any node; runtime/overrides.py handles qos_overrides.
+_DECLARED_BY_ROS = ('use_sim_time', 'qos_overrides.', 'start_type_description_service')
+
+_NOT_GIVEN = 0.0
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Spec:
-    """What is known of a parameter beside its name and default; the range holds both ends."""
+    """Description and valid values of a parameter; the range includes both ends."""
 
     description: str
     low: float | None = None
@@ -56,9 +60,9 @@ def parameter(
     """
     Make a field of an options dataclass that is a ROS parameter.
 
-    Numbers lie in the range from ``low`` to ``high``, both included; a text is one of
-    ``choices`` where they are given. A ``read_only`` parameter is set when the node starts and
-    never again; any other takes effect with the next message.
+    Valid numbers are from ``low`` to ``high``, both included; valid texts are the ``choices``, if
+    there are any. A ``read_only`` parameter can only be set when the node starts; any other
+    change takes effect with the next message.
     """
     spec = Spec(description, low, high, choices, read_only)
     made: Value = dataclasses.field(default=default, metadata={'spec': spec})
@@ -72,17 +76,17 @@ def flattened(options: Any, prefix: str = '') -> Iterator[tuple[str, Any, Spec]]
         if dataclasses.is_dataclass(value):
             yield from flattened(value, f'{prefix}{field.name}.')
         else:
-            yield prefix + field.name, value, field.metadata['spec']
+            yield prefix + field.name, _NOT_GIVEN if value is None else value, _spec_of(field)
 
 
 def replaced(options: Options, values: Mapping[str, Any]) -> Options:
     """
-    Return the options with some parameters, by their names, set to new values.
+    Return the options with new values for some parameters, by name.
 
     Raises
     ------
     ConfigError
-        A text is none of its choices, or two parameters do not go together.
+        A text is not one of its choices, or two parameters contradict each other.
 
     """
     for name, _, spec in flattened(options):
@@ -93,32 +97,16 @@ def replaced(options: Options, values: Mapping[str, Any]) -> Options:
     return new
 
 
-def given_parameters(node: Node) -> Mapping[str, Parameter]:
-    """Return what a node was given at its start, by names, be it declared or not."""
-    # rclpy keeps it where a node's subclasses can see it, and has no public way to it.
-    given: Mapping[str, Parameter] = getattr(node, '_parameter_overrides', {})
-    return given
-
-
-def warn_of_unknown(node: Node, given: Iterable[str], known: Collection[str]) -> None:
-    """Say which names are none of the known ones: misspelt, most likely."""
-    for name in given:
-        if name not in known:
-            near = get_close_matches(name, known, n=1)
-            hint = f' (did you mean {near[0]}?)' if near else ''
-            node.get_logger().warning(f'unknown parameter {name} is ignored{hint}')
-
-
 class Parameters(Generic[Options]):
     """
-    Declares a node's parameters, validates each change with a reason, and holds their values.
+    Declares the parameters of a node, validates changes and holds the current values.
 
-    ``options`` is a frozen snapshot, replaced as a whole, so it is consistent at any time.
+    ``options`` is an immutable snapshot that each change replaces, so it is always consistent.
 
     Raises
     ------
     ConfigError
-        A value given at the start is wrong: names node, parameter and what was expected.
+        A value given at the start is invalid; the message names node and parameter.
 
     """
 
@@ -131,19 +119,19 @@ class Parameters(Generic[Options]):
             self.options = replaced(defaults, values)
         except ConfigError as error:
             raise ConfigError(f'{node.get_name()}: {error}') from None
-        given = [name for name in given_parameters(node) if not name.startswith(_OF_ROS)]
+        given = [name for name in given_parameters(node) if not name.startswith(_DECLARED_BY_ROS)]
         warn_of_unknown(node, given, self._names)
         node.add_on_set_parameters_callback(self._validate)
-        node.add_post_set_parameters_callback(self._take)
+        node.add_post_set_parameters_callback(self._apply)
 
     def guard(self, check: Callable[[Options], None] | None) -> None:
         """
-        Hold the values against something that only the node knows, now and at each change.
+        Add a check that depends on the state of the node, for now and for later changes.
 
         Raises
         ------
         ConfigError
-            What ``check`` raises of the values as they are: names the node.
+            ``check`` raised it for the current values; the message names the node.
 
         """
         if check is not None:
@@ -156,7 +144,7 @@ class Parameters(Generic[Options]):
     def _declare(self, name: str, default: Any, spec: Spec) -> Any:
         try:
             return self._node.declare_parameter(name, default, _descriptor(default, spec)).value
-        except ParameterException as error:  # of another type, or out of range
+        except ParameterException as error:  # wrong type, or out of range
             is_type = isinstance(error, InvalidParameterTypeException)
             hint = ' (write 1.0, not 1)' if is_type and isinstance(default, float) else ''
             raise ConfigError(f'{name}: {error}{hint}') from None
@@ -170,23 +158,39 @@ class Parameters(Generic[Options]):
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def _take(self, changes: list[Parameter]) -> None:
+    def _apply(self, changes: list[Parameter]) -> None:
         self.options = replaced(self.options, self._ours(changes))
 
     def _ours(self, changes: list[Parameter]) -> dict[str, Any]:
         return {p.name: p.value for p in changes if p.name in self._names}
 
 
+def _spec_of(field: dataclasses.Field[Any]) -> Spec:
+    """Return the spec of a field; the options of the core have the same properties."""
+    if 'spec' in field.metadata:
+        spec: Spec = field.metadata['spec']
+        return spec
+    option = field.metadata['option']
+    if field.default is None:
+        return Spec(f'{option.description} 0: not given.', _NOT_GIVEN, option.high)
+    return Spec(option.description, option.low, option.high)
+
+
 def _rebuilt(options: Any, values: Mapping[str, Any], prefix: str) -> Any:
-    """Build the dataclass anew, groups first, so that each checks itself again."""
+    """Construct the dataclass again, groups first, so that each validates itself."""
     changed = {}
     for field in dataclasses.fields(options):
         name, value = prefix + field.name, getattr(options, field.name)
         if dataclasses.is_dataclass(value):
             changed[field.name] = _rebuilt(value, values, f'{name}.')
         else:
-            changed[field.name] = values.get(name, value)
-    return type(options)(**changed)
+            value = values.get(name, value)
+            is_absent = field.default is None and value == _NOT_GIVEN
+            changed[field.name] = None if is_absent else value
+    try:
+        return type(options)(**changed)
+    except ValueError as error:  # from an options dataclass of the core
+        raise ConfigError(f'{prefix}{error}') from None
 
 
 def _descriptor(default: Any, spec: Spec) -> ParameterDescriptor:

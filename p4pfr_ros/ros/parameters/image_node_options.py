@@ -1,22 +1,19 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The parameters of each node: names, defaults, ranges and what they mean, once."""
+"""The parameters of the nodes that process images: detector_node and camera_simulator."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 from .declare import parameter
-from .pose_options import PoseNodeOptions
 from ..conversions import LARGEST_IMAGE_PX
-
-__all__ = ['CameraSimulatorOptions', 'DetectorNodeOptions', 'PoseNodeOptions']
 
 
 @dataclass(frozen=True, slots=True)
 class TransportOptions:
-    """How pictures come."""
+    """The topic of the images."""
 
     transport: str = parameter(
         'raw',
@@ -33,7 +30,7 @@ class DetectorNodeOptions:
 
     board_file: str = parameter(
         '',
-        'Path of the YAML file that describes the board, or several boards. Required.',
+        'Path of the YAML file that describes the board or boards. Required.',
         read_only=True,
     )
     image: TransportOptions = field(default_factory=TransportOptions)
@@ -41,28 +38,28 @@ class DetectorNodeOptions:
 
 @dataclass(frozen=True, slots=True)
 class SimulatedCameraOptions:
-    """The camera that camera_simulator looks through."""
+    """The simulated camera."""
 
     width_px: int = parameter(
-        640, 'Width of the picture, pixels.', low=32, high=LARGEST_IMAGE_PX, read_only=True
+        640, 'Width of the image, pixels.', low=32, high=LARGEST_IMAGE_PX, read_only=True
     )
     height_px: int = parameter(
-        480, 'Height of the picture, pixels.', low=32, high=LARGEST_IMAGE_PX, read_only=True
+        480, 'Height of the image, pixels.', low=32, high=LARGEST_IMAGE_PX, read_only=True
     )
     focal_px: float = parameter(
-        520.0, 'Focal length at the centre of the picture, pixels.', low=1.0, high=100_000.0
+        520.0, 'Focal length at the centre of the image, pixels.', low=1.0, high=100_000.0
     )
     k: float = parameter(
         -0.25,
-        'Distortion by the division model, dimensionless; negative is barrel.',
+        'Distortion of the division model, dimensionless; negative is barrel.',
         low=-5.0,
         high=5.0,
     )
     noise_sigma: float = parameter(
-        2.0, "Standard deviation of the pixels' noise, grey levels.", low=0.0, high=255.0
+        2.0, 'Standard deviation of the pixel noise, grey levels.', low=0.0, high=255.0
     )
     blur_sigma_px: float = parameter(
-        0.5, "Standard deviation of the lens's blur, pixels.", low=0.0, high=100.0
+        0.5, 'Standard deviation of the Gaussian blur of the lens, pixels.', low=0.0, high=100.0
     )
     frame_id: str = parameter(
         'camera_optical_frame', 'Optical frame of all messages: x right, y down, z forward.'
@@ -71,11 +68,14 @@ class SimulatedCameraOptions:
 
 @dataclass(frozen=True, slots=True)
 class PathOptions:
-    """How the board moves in front of the camera."""
+    """The motion of the board in front of the camera."""
 
-    seed: int = parameter(0, 'Which path the board takes.', low=0, high=2**31 - 1, read_only=True)
+    seed: int = parameter(0, 'Seed of the path.', low=0, high=2**31 - 1, read_only=True)
     speed: float = parameter(
-        1.0, 'How fast time passes on the path; 1 is a leisurely hand.', low=0.0, high=100.0
+        1.0,
+        'Speed along the path; 1 is a board moved slowly by hand.',
+        low=0.0,
+        high=100.0,
     )
 
 
@@ -86,6 +86,6 @@ class CameraSimulatorOptions:
     board_file: str = parameter(
         '', 'Path of the YAML file that describes the board. Required.', read_only=True
     )
-    rate_hz: float = parameter(10.0, 'Pictures per second.', low=0.01, high=1000.0, read_only=True)
+    rate_hz: float = parameter(10.0, 'Images per second.', low=0.01, high=1000.0, read_only=True)
     camera: SimulatedCameraOptions = field(default_factory=SimulatedCameraOptions)
     path: PathOptions = field(default_factory=PathOptions)

@@ -1,138 +1,222 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Loads the calibration, watches it grow, saves it, and passes it on when it is good."""
+"""The calibration outside of the estimation: loaded, logged, saved, sent to the camera driver."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 import math
+import os
+from pathlib import Path
 import time
+from typing import Any
+from urllib.parse import unquote
 
 from p4pfr_ros import CalibrationState, CameraEstimate
+from p4pfr_ros.files.boards import ConfigError
 from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
-from p4pfr_ros.files.yaml_fields import ConfigError
-from p4pfr_ros.report.number_format import plus_minus
+from p4pfr_ros.report.plus_minus import plus_minus
+from rclpy.task import Future
 from sensor_msgs.msg import CameraInfo
-from std_msgs.msg import Header
+from sensor_msgs.srv import SetCameraInfo
 
-from .calibration_path import calibration_path
-from .self_calibrating import SelfCalibrating
-from ..conversions import camera_info_from_model_msg, ImageFrame
+from .camera_source import CalibrationBySize
+from .inputs import BoardObservation
+from ..conversions import camera_info_from_model_msg
 from ..parameters.pose_options import PoseNodeOptions
-from ..runtime.rejections import Rejected
+from ..runtime.endpoints import Endpoints
+from ..runtime.rejections import Notice
 
-# After which a calibration that could not be saved is tried again.
-_AGAIN_S = 60.0
+# Delay before a calibration that could not be saved is saved again.
+_RETRY_S = 60.0
+
+_FILE_URL = 'file://'
 
 
-class CalibrationKeeper:
+class CameraInfoSetter:
     """
-    Looks after the calibration that ``found`` makes.
+    Sends the calibration to the camera driver, as soon as its service is available.
 
     Parameters
     ----------
-    options
-        Of the node: where the file is.
-    tell
-        Takes the CameraInfo of a calibration that has become good.
-    say
-        Takes a line for people.
+    logger
+        The node's logger.
+    endpoints
+        Creates the client.
+    service
+        Name of the service; empty: nothing is sent.
 
     Raises
     ------
     ConfigError
-        The file is there, and it is no calibration.
+        The name is not a valid service name.
 
     """
 
-    def __init__(
-        self,
-        options: PoseNodeOptions,
-        tell: Callable[[CameraInfo], object],
-        say: Callable[[str], object],
-    ) -> None:
+    def __init__(self, logger: Any, endpoints: Endpoints, service: str) -> None:
+        self._logger, self._service = logger, service
+        self._client: Any = None
+        if service:
+            parameter = 'set_camera_info_service'
+            self._client = endpoints.client(SetCameraInfo, service, parameter=parameter)
+        self._pending: CameraInfo | None = None
+
+    def send(self, camera_info: CameraInfo) -> None:
+        """Send a calibration now, or by ``send_pending`` if the service is not available."""
+        self._pending = camera_info
+        self.send_pending()
+
+    def send_pending(self) -> None:
+        """Send the pending calibration if there is one and the service is available."""
+        if self._client is None or self._pending is None or not self._client.service_is_ready():
+            return
+        request = SetCameraInfo.Request(camera_info=self._pending)
+        self._pending = None
+        self._client.call_async(request).add_done_callback(self._on_response)
+
+    def _on_response(self, future: Future) -> None:
+        error = future.exception()
+        if error is not None:
+            self._logger.info(f'{self._service} failed: {error}')
+            return
+        response = future.result()
+        result = 'accepted the calibration' if response.success else 'rejected the calibration'
+        detail = f': {response.status_message}' if response.status_message else ''
+        self._logger.info(f'{self._service} {result}{detail}')
+
+
+class CalibrationKeeper:
+    """
+    Loads the calibration at the start, follows it, saves it and sends it to the driver.
+
+    Parameters
+    ----------
+    logger
+        The node's logger.
+    driver
+        Receives the calibration once, as soon as the camera is calibrated.
+    options
+        The node's parameters at the start: path of the file, and the camera's name.
+
+    Raises
+    ------
+    ConfigError
+        The calibration file exists but is invalid.
+
+    """
+
+    def __init__(self, logger: Any, driver: CameraInfoSetter, options: PoseNodeOptions) -> None:
+        self._logger, self._driver = logger, driver
         self._path = calibration_path(options.calibration_file, options.camera_name)
         self._camera_name = options.camera_name
-        self._tell, self._say = tell, say
         self._state: CalibrationState
-        self._is_passed_on: bool
-        self._forget()
-        self.found = SelfCalibrating(self._load() if options.calibration_file else None)
+        self._is_sent: bool
+        self._restart()
+        self.calibrations = CalibrationBySize(self._load() if options.calibration_file else None)
 
-    def look_after(
-        self, header: Header, frame: ImageFrame, options: PoseNodeOptions, *, restarted: bool
-    ) -> Rejected | None:
+    def follow(self, observation: BoardObservation, options: PoseNodeOptions) -> Notice | None:
         """
-        After a view: say how far it is; once it is good, pass it on, and save it if asked.
+        After an update: log a new state; once CALIBRATED, send the calibration, and save it.
 
-        Where saving failed it is tried again after a while; what is returned says why.
+        Saving is optional; if it fails, a notice is returned, and it is retried after a minute.
         """
-        if restarted:
-            self._forget()
-        before, self._state = self._state, self.found.state
+        if self.calibrations.restarted:
+            self._restart()
+        before, self._state = self._state, self.calibrations.state
         if self._state is not before:
-            estimate = self.found.fused
-            numbers = '' if estimate is None else f': {_in_words(estimate)}'
-            self._say(f'calibration: {self._state.value}{numbers}')
+            estimate = self.calibrations.fused
+            numbers = '' if estimate is None else f' ({_summary(estimate)})'
+            self._logger.info(f'calibration {self._state.value}{numbers}')
         if self._state is not CalibrationState.CALIBRATED:
             return None
-        # A state that wavers about its limit is passed on once, and saved once.
-        if not self._is_passed_on:
-            self._is_passed_on = True
-            calibration = self._calibration()
-            assert calibration is not None
-            self._tell(camera_info_from_model_msg(header, frame, calibration.model))
-        wanted = options.save_when_calibrated and not self._is_saved
-        return self._save_unasked() if wanted and time.monotonic() >= self._try_again_s else None
-
-    def _save_unasked(self) -> Rejected | None:
-        self._is_saved, text = self.save()
-        if self._is_saved:
-            self._say(text)
-            return None
-        self._try_again_s = time.monotonic() + _AGAIN_S
-        return Rejected('not_saved', f'save_when_calibrated: {text}')
+        self._send(observation)
+        return self._save_once() if options.save_when_calibrated else None
 
     def save(self) -> tuple[bool, str]:
-        """Write the file; return whether that went well, and a line for people."""
+        """Write the file; return whether it succeeded, and a line for people."""
         calibration = self._calibration()
         if calibration is None or calibration.estimate is None:
-            return False, 'nothing to save: no calibration has been found yet'
+            return False, 'nothing to save: the camera has not been estimated yet'
         try:
             save_calibration(self._path, calibration)
         except ConfigError as error:
             return False, str(error)
-        return True, f'saved to {self._path}: {_in_words(calibration.estimate)}'
+        return True, f'saved to {self._path}: {_summary(calibration.estimate)}'
 
     def reset(self) -> None:
-        """Start over, as if nothing had been seen or loaded."""
-        self.found.reset()
-        self._forget()
+        """Drop the calibration, loaded or estimated, and restart without a camera."""
+        self.calibrations.reset()
+        self._restart()
 
-    def _forget(self) -> None:
+    def _restart(self) -> None:
         self._state = CalibrationState.UNCALIBRATED
-        self._is_passed_on = self._is_saved = False
-        self._try_again_s = -math.inf
+        # If the state alternates around its limit, the calibration is sent and saved once.
+        self._is_sent = self._is_saved = False
+        self._retry_s = -math.inf
 
     def _load(self) -> Calibration | None:
         if not self._path.exists():
             return None
         calibration = load_calibration(self._path)
         if calibration.estimate is None:
-            self._say(f'{self._path}: loaded, for the mode fixed: it is of another program')
+            self._logger.info(
+                f'{self._path}: loaded for mode fixed only (written by another program)'
+            )
         else:
-            self._say(f'{self._path}: loaded: {_in_words(calibration.estimate)}')
+            self._logger.info(f'{self._path}: loaded: {_summary(calibration.estimate)}')
         return calibration
 
     def _calibration(self) -> Calibration | None:
-        estimate, size = self.found.fused, self.found.image_size
+        estimate, size = self.calibrations.fused, self.calibrations.image_size
         if estimate is None or size is None:
             return None
         return Calibration.from_estimate(estimate, size, self._camera_name)
 
+    def _send(self, observation: BoardObservation) -> None:
+        if not self._is_sent:
+            self._is_sent = True
+            calibration = self._calibration()
+            assert calibration is not None
+            self._driver.send(
+                camera_info_from_model_msg(
+                    observation.header, observation.frame, calibration.model
+                )
+            )
 
-def _in_words(estimate: CameraEstimate) -> str:
+    def _save_once(self) -> Notice | None:
+        if self._is_saved or time.monotonic() < self._retry_s:
+            return None
+        self._is_saved, text = self.save()
+        if self._is_saved:
+            self._logger.info(text)
+            return None
+        self._retry_s = time.monotonic() + _RETRY_S
+        return Notice('not_saved', f'save_when_calibrated: {text}')
+
+
+def calibration_path(calibration_file: str, camera_name: str) -> Path:
+    """
+    Return the path of the calibration file, with the naming rules of camera_info_manager.
+
+    ``calibration_file`` is a path or a file:// URL; ``~``, ``${ROS_HOME}`` and ``${NAME}`` (the
+    camera's name) are expanded. If it is empty, the path is camera_info_manager's default.
+
+    Raises
+    ------
+    ConfigError
+        It is a URL of another scheme.
+
+    """
+    ros_home = os.environ.get('ROS_HOME') or str(Path.home() / '.ros')
+    given = calibration_file or f'{ros_home}/camera_info/{camera_name}.yaml'
+    path = unquote(given.removeprefix(_FILE_URL)) if given.startswith(_FILE_URL) else given
+    if '://' in path:
+        raise ConfigError(f'calibration_file: expected a path or a file:// URL, got {given!r}')
+    expanded = path.replace('${ROS_HOME}', ros_home).replace('${NAME}', camera_name)
+    return Path(expanded).expanduser()
+
+
+def _summary(estimate: CameraEstimate) -> str:
     camera = estimate.camera
     x, y = map(plus_minus, camera.center_px, estimate.center_sigma_px)
     views = '1 view' if estimate.views == 1 else f'{estimate.views} views'

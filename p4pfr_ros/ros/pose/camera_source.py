@@ -1,161 +1,261 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-From a view to its answer, by each of the modes: how the camera comes to be known.
-
-No message and no node in here: views in, answers out.
-"""
+"""The camera for each observation, by ``intrinsics.mode``, and the estimate with it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-import functools
 
 from p4pfr_ros import (
     CalibrationOptions,
+    CalibrationState,
+    CameraEstimate,
+    CameraInfoModel,
     DivisionCamera,
     estimate_pose,
     EstimateOptions,
     PoseEstimate,
+    SelfCalibration,
+    Verdict,
 )
-from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
-from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.files.calibration import Calibration
 
-from .self_calibrating import Known, News, SelfCalibrating
-from ..parameters.calibration_options import SelfCalibrationOptions
-from ..parameters.intrinsics_options import CAMERA_INFO, FIXED, PER_FRAME, SELF_CALIBRATE
-from ..parameters.pose_options import PoseNodeOptions
-from ..parameters.robust_options import RobustOptions
-from ..runtime.rejections import Rejected
+from .inputs import BoardObservation, Inputs
+from ..parameters.pose_options import CAMERA_INFO, PER_FRAME, PoseNodeOptions, SELF_CALIBRATE
+from ..runtime.rejections import Notice, Rejected
+
+KnownCamera = DivisionCamera | CameraInfoModel
+
+# Number of image sizes whose cameras are stored.
+_MAX_SIZES = 8
+
+_CHANGED = Notice(
+    'camera_changed',
+    'the camera has changed (zoom, focus, another lens): calibration restarted',
+)
+_NO_CAMERA = Rejected(
+    'no_camera',
+    'intrinsics.mode fixed: no camera. Set intrinsics.focal_px, point calibration_file to an '
+    'existing file, or start with mode self_calibrate',
+)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class View:
+class CameraSource:
     """
-    One board in one picture.
-
-    image_points (N, 2) px of the full raw picture, whose size is image_size; board_points (N, 2)
-    metres; stamp_ns: when it was taken.
-    """
-
-    image_points: Array
-    board_points: Array
-    image_size: tuple[int, int]
-    stamp_ns: int
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Answer:
-    """
-    What is known of a view.
-
-    estimate
-        Its pose and camera, or why there are none.
-    news
-        Learns from the view, once, and returns what came of that. The pose need not wait for it.
-    """
-
-    estimate: PoseEstimate
-    news: Callable[[], News] = News
-
-
-class Intrinsics:
-    """
-    The four modes, and what they remember; another mode may be chosen for every view.
+    Selects the camera for an observation.
 
     Parameters
     ----------
-    self_calibrating
-        The camera that is being found.
-    latest_model
-        Gives the latest CameraInfo's model, or why there is none.
+    calibrations
+        The cameras of the modes self_calibrate and fixed.
+    inputs
+        The camera of the mode camera_info.
 
     """
 
-    def __init__(
-        self,
-        self_calibrating: SelfCalibrating,
-        latest_model: Callable[[], CameraInfoModel | Rejected],
-    ) -> None:
-        self._self_calibrating = self_calibrating
-        self._latest_model = latest_model
-        self._answers = {
-            SELF_CALIBRATE: self._self_calibrated,
-            PER_FRAME: self._per_frame,
-            FIXED: self._fixed,
-            CAMERA_INFO: self._by_camera_info,
-        }
+    def __init__(self, calibrations: CalibrationBySize, inputs: Inputs) -> None:
+        self._calibrations, self._inputs = calibrations, inputs
 
-    def answer(self, view: View, options: PoseNodeOptions) -> Answer | Rejected:
-        """Answer a view by the mode that the options name."""
-        return self._answers[options.intrinsics.mode](view, options)
+    def camera_for(
+        self, observation: BoardObservation, options: PoseNodeOptions
+    ) -> SelfCalibration | KnownCamera | Rejected | None:
+        """
+        Return the camera for an observation.
 
-    def fixed_camera(
-        self, options: PoseNodeOptions, image_size: tuple[int, int]
-    ) -> Known | Rejected:
-        """Return what the mode fixed looks through: given, loaded or found."""
-        given = options.intrinsics
+        A SelfCalibration is to be updated with the observation. None means that the camera is
+        estimated from the observation alone.
+        """
+        image_size, given = observation.frame.size, options.intrinsics
+        if given.mode == SELF_CALIBRATE:
+            return self._calibrations.select(image_size, options.robust, options.calibration)
+        if given.mode == PER_FRAME:
+            return None
+        if given.mode == CAMERA_INFO:
+            return self._inputs.camera_model()
         if given.focal_px > 0.0:
             center_px = options.image.center_px(image_size)
             return DivisionCamera(given.focal_px, center_px, given.k, given.k2, given.k3)
-        return self._self_calibrating.known_camera(image_size)
+        return self._calibrations.known_camera(image_size)
 
-    def _self_calibrated(self, view: View, options: PoseNodeOptions) -> Answer:
-        found = self._self_calibrating
-        size_news = found.make_ready(
-            view.image_size, _search(options.robust), _calibration(options.calibration)
-        )
-        estimate, learn = found.answer(view.image_points, view.board_points, view.stamp_ns)
 
-        def news() -> News:
-            learnt = learn()
-            return News(
-                learnt.camera,
-                size_news.remark or learnt.remark,
-                size_news.restarted or learnt.restarted,
-            )
+def estimate_with(
+    camera: SelfCalibration | KnownCamera | None,
+    observation: BoardObservation,
+    options: PoseNodeOptions,
+    on_pose: Callable[[PoseEstimate], object],
+) -> PoseEstimate:
+    """
+    Estimate the pose of a board, and update a SelfCalibration.
 
-        return Answer(estimate, news)
-
-    def _per_frame(self, view: View, options: PoseNodeOptions) -> Answer:
+    ``on_pose`` is called once with the estimate that is returned; while a SelfCalibration is
+    CALIBRATED and the view agrees, that is before the update, which takes longer than the pose.
+    """
+    image_points, board_points = observation.image_points, observation.points.board_points
+    if isinstance(camera, SelfCalibration):
+        return camera.update(image_points, board_points, observation.stamp_ns, on_pose=on_pose)
+    if camera is not None:
+        estimate = estimate_pose(image_points, board_points, camera=camera, options=options.robust)
+    else:
+        image_size = observation.frame.size
         estimate = estimate_pose(
-            view.image_points,
-            view.board_points,
-            image_size=view.image_size,
-            center_px=options.image.center_px(view.image_size),
-            options=_search(options.robust),
+            image_points,
+            board_points,
+            image_size=image_size,
+            center_px=options.image.center_px(image_size),
+            options=options.robust,
         )
-        seen = estimate.observable
-        told = estimate.model is not None and seen.focal and seen.distortion
-        camera = estimate.model.camera if estimate.model and told else None
-        return Answer(estimate, lambda: News(camera))
-
-    def _fixed(self, view: View, options: PoseNodeOptions) -> Answer | Rejected:
-        camera = self.fixed_camera(options, view.image_size)
-        if isinstance(camera, Rejected):
-            return camera
-        estimate = _pose_by(camera, view, _search(options.robust))
-        return Answer(estimate, lambda: News(camera))
-
-    def _by_camera_info(self, view: View, options: PoseNodeOptions) -> Answer | Rejected:
-        model = self._latest_model()
-        if isinstance(model, Rejected):
-            return model
-        return Answer(_pose_by(model, view, _search(options.robust)))
+    on_pose(estimate)
+    return estimate
 
 
-# Both stay the same from view to view, mostly.
-@functools.lru_cache(maxsize=4)
-def _search(options: RobustOptions) -> EstimateOptions:
-    return options.ransac()
+def camera_to_publish(
+    camera: SelfCalibration | KnownCamera | None, estimate: PoseEstimate, mode: str
+) -> KnownCamera | None:
+    """Return the camera in use after an estimate; None if it is unknown, or from camera_info."""
+    if isinstance(camera, SelfCalibration):
+        fused = camera.fused
+        return None if fused is None else fused.camera
+    if mode == CAMERA_INFO:
+        return None
+    if camera is not None:
+        return camera
+    observable = estimate.observable
+    if estimate.model is None or not (observable.focal and observable.distortion):
+        return None
+    return estimate.model.camera
 
 
-@functools.lru_cache(maxsize=4)
-def _calibration(options: SelfCalibrationOptions) -> CalibrationOptions:
-    return options.core()
+class CalibrationBySize:
+    """
+    Holds one SelfCalibration per image size and switches when the size changes.
+
+    Of other sizes only the estimated camera is stored; it is loaded when the size returns.
+
+    Parameters
+    ----------
+    loaded
+        The calibration of the file, for images of its size.
+
+    Attributes
+    ----------
+    restarted
+        Whether the last view belongs to another camera than the view before it.
+
+    """
+
+    def __init__(self, loaded: Calibration | None = None) -> None:
+        self.restarted = False
+        self._loaded = loaded
+        self._calibration: SelfCalibration | None = None
+        self._settings: tuple[EstimateOptions, CalibrationOptions] | None = None
+        self._notice: Notice | None = None
+        self._estimates: dict[tuple[int, int], CameraEstimate] = {}
+        if loaded is not None and loaded.estimate is not None:
+            self._estimates[loaded.image_size] = loaded.estimate
+
+    @property
+    def state(self) -> CalibrationState:
+        """The state of the current calibration."""
+        calibration = self._calibration
+        return CalibrationState.UNCALIBRATED if calibration is None else calibration.state
+
+    @property
+    def fused(self) -> CameraEstimate | None:
+        """The camera that is estimated from all views; None while it is unknown."""
+        return None if self._calibration is None else self._calibration.fused
+
+    @property
+    def image_size(self) -> tuple[int, int] | None:
+        """The image size of the current calibration; None before the first view."""
+        return None if self._calibration is None else self._calibration.image_size
+
+    @property
+    def has_camera(self) -> bool:
+        """Whether a camera was loaded or estimated, of any image size."""
+        return self._loaded is not None or bool(self._estimates) or self.fused is not None
+
+    def select(
+        self, image_size: tuple[int, int], robust: EstimateOptions, options: CalibrationOptions
+    ) -> SelfCalibration:
+        """Return the calibration to update with a view of this size; new options replace it."""
+        before, settings = self._calibration, (robust, options)
+        self._notice, self.restarted = None, False
+        if before is None:
+            self._notice = self._wrong_size(image_size)
+            return self._start(image_size, settings)
+        if before.image_size == image_size and settings == self._settings:
+            return before
+        if before.fused is not None:
+            self._store(before.image_size, before.fused)
+        if before.image_size != image_size:
+            again = image_size in self._estimates
+            self._notice = Notice('image_size', _size_text(before.image_size, image_size, again))
+            self.restarted = True
+        return self._start(image_size, settings)
+
+    def finish_view(self) -> Notice | None:
+        """
+        After an update: return a notice if the camera or the image size has changed.
+
+        If the camera has changed, the stored cameras of other sizes are dropped.
+        """
+        calibration = self._calibration
+        if calibration is None or calibration.verdict is not Verdict.RESTARTED:
+            return self._notice
+        self._estimates.clear()
+        self.restarted = True
+        return self._notice or _CHANGED
+
+    def known_camera(self, image_size: tuple[int, int]) -> KnownCamera | Rejected:
+        """Return the loaded or estimated camera for images of this size."""
+        if self.image_size == image_size and self.fused is not None:
+            return self.fused.camera
+        stored, loaded = self._estimates.get(image_size), self._loaded
+        if stored is not None:
+            return stored.camera
+        if loaded is not None and loaded.image_size == image_size:
+            return loaded.model
+        wrong_size = self._wrong_size(image_size)
+        return Rejected(wrong_size.cause, wrong_size.reason) if wrong_size else _NO_CAMERA
+
+    def reset(self) -> None:
+        """Drop all estimated cameras and the loaded one."""
+        self._loaded, self.restarted = None, False
+        self._estimates.clear()
+        if self._calibration is not None:
+            self._calibration.reset()
+
+    def _start(
+        self, image_size: tuple[int, int], settings: tuple[EstimateOptions, CalibrationOptions]
+    ) -> SelfCalibration:
+        self._settings = robust, options = settings
+        self._calibration = SelfCalibration(image_size, options=options, robust=robust)
+        stored = self._estimates.get(image_size)
+        if stored is not None:
+            self._calibration.load(stored)
+        return self._calibration
+
+    def _store(self, image_size: tuple[int, int], estimate: CameraEstimate) -> None:
+        self._estimates.pop(image_size, None)
+        self._estimates[image_size] = estimate
+        if len(self._estimates) > _MAX_SIZES:
+            del self._estimates[next(iter(self._estimates))]
+
+    def _wrong_size(self, image_size: tuple[int, int]) -> Notice | None:
+        """Return a notice if there are cameras, but none for images of this size."""
+        known = [*self._estimates]
+        if self._loaded is not None:
+            known.append(self._loaded.image_size)
+        if not known or image_size in known:
+            return None
+        return Notice('image_size', _size_text(known[-1], image_size))
 
 
-def _pose_by(camera: Known, view: View, options: EstimateOptions) -> PoseEstimate:
-    return estimate_pose(view.image_points, view.board_points, camera=camera, options=options)
+def _size_text(expected: tuple[int, int], got: tuple[int, int], again: bool = False) -> str:
+    (w, h), (width, height) = expected, got
+    camera = 'the earlier camera of that size' if again else 'another camera'
+    return (
+        f'the camera was calibrated with images of {w}x{h} px, but the images now have '
+        f'{width}x{height} px: treated as {camera}'
+    )

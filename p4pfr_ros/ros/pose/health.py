@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What /diagnostics says of pose_node: how it is, why, and its numbers. No ROS in here."""
+"""The health of pose_node: rejections and warnings in the log, and /diagnostics."""
 
 from __future__ import annotations
 
@@ -9,38 +9,117 @@ from collections import Counter
 from dataclasses import dataclass
 import enum
 import math
+import time
 
-from p4pfr_ros import PoseEstimate
-from p4pfr_ros.core.many_views.results import CameraEstimate
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from p4pfr_ros import CameraEstimate, CameraInfoModel, PoseEstimate
+from rclpy.node import Node
+from std_msgs.msg import Header
 
-from .health_values import camera_values, number, UNKNOWN, view_values
-from .latencies import Latencies
-from ..runtime.rejections import Rejected
+from .camera_source import CalibrationBySize
+from .health_values import camera_values, Latencies, number, UNKNOWN, view_values
+from ..runtime.endpoints import Endpoints
+from ..runtime.rejections import CauseLog, Notice, Rejected
 
 STALE_AFTER_S = 3.0
 PERIOD_S = 1.0
 
-# A change is told at once, but not more often than that.
-_SOONEST_S = 0.1
+# A change is published at once, but not more often than this.
+_MIN_PERIOD_S = 0.1
 
-# A timer of the period fires now a little early, now a little late.
+# A periodic timer may fire this much early.
 _EARLY_S = 0.1
 
-# So long after it was last seen, a condition counts as present: every second view may have it.
+# Time that a condition stays active after it last occurred: it may occur in every second view.
 _HOLD_S = 2.0
 _RESTART_HOLD_S = 10.0
 
-# So long a remark counts that nothing else here tells of; saving is tried again every minute.
-_REMARKS_S = {'not_saved': 70.0, 'tf_parents': _HOLD_S}
+# The same for notices that are on /diagnostics; saving is retried every minute.
+_NOTICE_HOLD_S = {'not_saved': 70.0, 'tf_parents': _HOLD_S}
 
 _NO_IMAGE_SIZE = 'no_image_size'
 
-# What is wrong with a camera_info says nothing of the messages with corners.
+# An invalid camera_info is not an invalid message with points.
 _CAMERA_INFO = 'camera_info'
 
 
+class HealthReporter:
+    """
+    Logs rejections and warnings, and publishes /diagnostics.
+
+    Parameters
+    ----------
+    node
+        The node to report on.
+    endpoints
+        Creates the publisher.
+    camera_name
+        The hardware_id on /diagnostics.
+
+    """
+
+    def __init__(self, node: Node, endpoints: Endpoints, camera_name: str) -> None:
+        self._node, self._camera_name = node, camera_name
+        self._rejections = CauseLog(node.get_logger())
+        self._notices = CauseLog(node.get_logger())
+        self._health = Health(time.monotonic())
+        self._publisher = endpoints.advertise(DiagnosticArray, '/diagnostics')
+
+    def received(self, received_s: float) -> None:
+        """Record a message with points; the time is of ``time.monotonic``."""
+        self._health.received(received_s)
+
+    def reject(self, rejected: Rejected) -> None:
+        """Record and log a rejected message, or a rejected part of a message."""
+        self._rejections.add(rejected)
+        self._health.rejected(time.monotonic(), rejected)
+
+    def warn(self, notice: Notice) -> None:
+        """Record and log a warning about a message that is processed."""
+        self._notices.add(notice)
+        self._health.warned(time.monotonic(), notice)
+
+    def estimated(self, stamp_ns: int, estimate: PoseEstimate, received_s: float) -> None:
+        """Record a published estimate; one without a model is a rejection."""
+        if estimate.model is None:
+            self.reject(Rejected(estimate.status.name.lower(), estimate.status.value))
+            return
+        now_s = time.monotonic()
+        age_s = 1e-9 * (self._node.get_clock().now().nanoseconds - stamp_ns)
+        undetermined = self._health.estimated(now_s, estimate, now_s - received_s, age_s)
+        if undetermined:
+            text = f'not observable: {undetermined} (tilt the board, or bring it closer)'
+            self.warn(Notice('not_observable', text))
+
+    def calibrated(self, calibrations: CalibrationBySize | None) -> None:
+        """Record the calibration after a view; None in the modes without self-calibration."""
+        now_s = time.monotonic()
+        if calibrations is None:
+            self._health.calibrated(now_s, '', 0, None, restarted=False)
+            return
+        fused = calibrations.fused
+        state, views = calibrations.state.value, 0 if fused is None else fused.views
+        self._health.calibrated(now_s, state, views, fused, calibrations.restarted)
+
+    def camera_published(self, model: CameraInfoModel | None) -> None:
+        """Record the model on ``~/camera_info``; None: none was published."""
+        if model is not None:
+            self._health.camera_info(model.distortion_model, model.residual_px)
+
+    def publish(self, *, enabled: bool) -> None:
+        """Publish /diagnostics if a second has passed, or the status has changed."""
+        self._health.enabled = enabled
+        now_s = time.monotonic()
+        if self._health.due(now_s):
+            status = self._health.status(now_s)
+            name = f'{self._node.get_fully_qualified_name()[1:]}: pose'
+            stamp = self._node.get_clock().now().to_msg()
+            self._publisher.publish(diagnostics_msg(stamp, name, self._camera_name, status))
+
+
 class Level(enum.IntEnum):
-    """As diagnostic_msgs/DiagnosticStatus has them."""
+    """The levels of diagnostic_msgs/DiagnosticStatus."""
 
     OK = 0
     WARN = 1
@@ -50,7 +129,7 @@ class Level(enum.IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class HealthStatus:
-    """One state of the node: its level, the reasons in a line, and numbers as text by name."""
+    """A status of the node: its level, the reasons in one line, and numbers as text by name."""
 
     level: Level
     message: str
@@ -59,7 +138,7 @@ class HealthStatus:
 
 @dataclass(frozen=True, slots=True)
 class _Reason:
-    """Something that is not as it should be, until it is forgotten."""
+    """A condition that is reported until a time."""
 
     level: Level
     text: str
@@ -68,10 +147,10 @@ class _Reason:
 
 class Health:
     """
-    Collects what happens to messages and judges it.
+    Records the events of a node and derives its status; it does not use ROS.
 
-    Noting an event costs a microsecond or two; numbers are worked out in ``status``. Every
-    ``now_s`` is the time in seconds of one steady clock. ``enabled`` is to follow the node's.
+    Recording an event takes a microsecond or two; numbers are formatted in ``status``. All
+    ``now_s`` are seconds of one steady clock. Set ``enabled`` to the parameter's value.
     """
 
     def __init__(self, now_s: float) -> None:
@@ -81,10 +160,11 @@ class Health:
         self.rejections: Counter[str] = Counter()
         self._latencies = Latencies(now_s)
         self._received_s: float | None = None
-        # Whether the last message was neither answered nor rejected: nobody wanted it to be.
-        self._was_left = False
-        # When a message was answered or left, and how many have only been rejected since.
-        self._well_s = -math.inf
+        # Whether the last message was neither estimated nor rejected, as nothing needed it.
+        self._was_skipped = False
+        # Time of the last message that was estimated or skipped, and the number of messages
+        # since then that were only rejected.
+        self._good_s = -math.inf
         self._bad_in_a_row = 0
         self._stamp_age_s: float | None = None
         self._estimate: PoseEstimate | None = None
@@ -98,78 +178,79 @@ class Health:
         self._published: tuple[Level, tuple[str, ...]] | None = None
 
     def received(self, now_s: float) -> None:
-        """Note a message with corners, whatever becomes of it."""
-        if self._was_left and self._received_s is not None:
-            self._well_s, self._bad_in_a_row = self._received_s, 0
+        """Record a message with points, before it is processed."""
+        if self._was_skipped and self._received_s is not None:
+            self._good_s, self._bad_in_a_row = self._received_s, 0
         self.received_count += 1
-        self._received_s, self._was_left = now_s, True
+        self._received_s, self._was_skipped = now_s, True
 
     def rejected(self, now_s: float, rejected: Rejected) -> None:
-        """Note a message that was not answered, and why."""
+        """Record a rejected message, or a rejected part of a message."""
         self.rejections[rejected.cause] += 1
-        if self._was_left and rejected.cause != _CAMERA_INFO:
-            self._was_left = False
+        if self._was_skipped and rejected.cause != _CAMERA_INFO:
+            self._was_skipped = False
             self._bad_in_a_row += 1
-        # Nothing can be answered without the picture's size.
+        # Without the image size no message can be processed.
         level = Level.ERROR if rejected.cause == _NO_IMAGE_SIZE else Level.WARN
-        text = f'rejected, {rejected.cause}: {rejected.reason}'
-        self._remember(now_s, f'rejected.{rejected.cause}', level, text)
+        text = f'rejected ({rejected.cause}): {rejected.reason}'
+        self._hold(now_s, f'rejected.{rejected.cause}', level, text)
 
-    def answered(
+    def estimated(
         self, now_s: float, estimate: PoseEstimate, latency_s: float, stamp_age_s: float
-    ) -> None:
+    ) -> str:
         """
-        Note an estimate with a model, after it was published.
+        Record a published estimate with a model; return the quantities it leaves undetermined.
 
-        latency_s: since its message was received; stamp_age_s: since the stamp of its picture.
+        latency_s: since its message was received; stamp_age_s: since the stamp of its image.
         """
         self.answered_count += 1
-        self._was_left = False
-        self._well_s, self._bad_in_a_row = now_s, 0
+        self._was_skipped = False
+        self._good_s, self._bad_in_a_row = now_s, 0
         self._latencies.add(now_s, latency_s)
         self._stamp_age_s = stamp_age_s
         self._estimate = estimate
         if estimate.alternatives:
-            text = 'ambiguous: another pose explains the view as well'
-            self._remember(now_s, 'ambiguous', Level.WARN, text)
-        unseen = estimate.observable.undetermined
-        if unseen:
-            text = f'a view does not tell: {", ".join(unseen)}'
-            self._remember(now_s, 'unobservable', Level.WARN, text)
+            text = 'ambiguous: another pose fits the view equally well'
+            self._hold(now_s, 'ambiguous', Level.WARN, text)
+        undetermined = ', '.join(estimate.observable.undetermined)
+        if undetermined:
+            text = f'not observable: {undetermined}'
+            self._hold(now_s, 'unobservable', Level.WARN, text)
+        return undetermined
 
-    def remarked(self, now_s: float, remark: Rejected) -> None:
-        """Note what people should know though the message is answered."""
-        hold_s = _REMARKS_S.get(remark.cause)
+    def warned(self, now_s: float, notice: Notice) -> None:
+        """Record a warning; only some causes are on /diagnostics."""
+        hold_s = _NOTICE_HOLD_S.get(notice.cause)
         if hold_s is not None:
-            text = f'{remark.cause}: {remark.reason}'
-            self._remember(now_s, remark.cause, Level.WARN, text, hold_s)
+            text = f'{notice.cause}: {notice.reason}'
+            self._hold(now_s, notice.cause, Level.WARN, text, hold_s)
 
     def calibrated(
         self, now_s: float, state: str, views: int, fused: CameraEstimate | None, restarted: bool
     ) -> None:
-        """Note the self-calibration's state after a view; restarted: the camera has changed."""
+        """Record the calibration after a view; restarted: the camera has changed."""
         self._calibration, self._views, self._fused = state, views, fused
         if restarted:
-            text = 'the camera has changed: its calibration has started over'
-            self._remember(now_s, 'camera_changed', Level.WARN, text, _RESTART_HOLD_S)
+            text = 'the camera has changed: calibration restarted'
+            self._hold(now_s, 'camera_changed', Level.WARN, text, _RESTART_HOLD_S)
 
     def camera_info(self, distortion_model: str, residual_px: float) -> None:
-        """Note in which model the camera is published, and how far that is off at most, px."""
+        """Record the model on ``~/camera_info``, and its largest deviation from ours, px."""
         self._camera_info = (distortion_model, number(residual_px, 4))
 
     def due(self, now_s: float) -> bool:
-        """Return whether to publish: once a second, and at once when something has changed."""
+        """Return whether to publish: once a second, and after a change of level or reasons."""
         if self._is_time(now_s):
             return True
-        is_soon = now_s - self._published_s < _SOONEST_S
+        is_soon = now_s - self._published_s < _MIN_PERIOD_S
         return not is_soon and self._judge(now_s)[:2] != self._published
 
     def status(self, now_s: float) -> HealthStatus:
-        """Return the state, which counts as published now."""
+        """Return the status, and regard it as published."""
         level, keys, texts = self._judge(now_s)
         self._published_s, self._published = now_s, (level, keys)
-        # The beat is the clock's: neither a change in between nor a call that is a little early
-        # or late shifts it. A call that is much too late sets it anew.
+        # The period follows the clock: neither a change in between nor a call that is slightly
+        # early or late shifts it. A call that is much too late restarts it.
         if self._is_time(now_s):
             is_on_time = now_s - self._next_s <= _EARLY_S
             self._next_s = PERIOD_S + (self._next_s if is_on_time else now_s)
@@ -178,33 +259,33 @@ class Health:
     def _is_time(self, now_s: float) -> bool:
         return now_s >= self._next_s - _EARLY_S
 
-    def _remember(
+    def _hold(
         self, now_s: float, key: str, level: Level, text: str, hold_s: float = _HOLD_S
     ) -> None:
         self._reasons[key] = _Reason(level, text, now_s + hold_s)
 
     def _judge(self, now_s: float) -> tuple[Level, tuple[str, ...], list[str]]:
-        """Return the level, the reasons' keys and their texts; the gravest first."""
+        """Return the level, the keys of the reasons and their texts, the most severe first."""
         self._reasons = {k: r for k, r in self._reasons.items() if r.until_s > now_s}
         if not self.enabled:
-            return Level.OK, ('disabled',), ['disabled: messages are not answered']
+            return Level.OK, ('disabled',), ['disabled: messages are ignored']
         if self._received_s is None or now_s - self._received_s > STALE_AFTER_S:
-            ever = 'yet' if self._received_s is None else f'for more than {STALE_AFTER_S:g} s'
-            return Level.STALE, ('stale',), [f'no corners {ever}']
+            since = 'yet' if self._received_s is None else f'for {STALE_AFTER_S:g} s'
+            return Level.STALE, ('stale',), [f'no points received {since}']
         if not self._reasons:
-            key, text = self._all_is_well()
+            key, text = self._without_reasons()
             return Level.OK, (key,), [text]
         ordered = sorted(self._reasons.items(), key=lambda item: (-item[1].level, item[0]))
         level = ordered[0][1].level
-        all_bad = self._bad_in_a_row > 1 and now_s - self._well_s > _HOLD_S
+        all_bad = self._bad_in_a_row > 1 and now_s - self._good_s > _HOLD_S
         if all_bad and any(key.startswith('rejected.') for key, _ in ordered):
-            level = Level.ERROR  # not one message among others, but all of them
+            level = Level.ERROR  # all messages are rejected, not some of them
         return level, tuple(key for key, _ in ordered), [reason.text for _, reason in ordered]
 
-    def _all_is_well(self) -> tuple[str, str]:
-        if self._was_left:
-            return 'idle', 'idle: no board is seen, or nobody listens to the answers'
-        return self._calibration, self._calibration or 'messages are answered'
+    def _without_reasons(self) -> tuple[str, str]:
+        if self._was_skipped:
+            return 'idle', 'idle: no board detected, or no subscribers'
+        return self._calibration, self._calibration or 'estimating poses'
 
     def _values(self, now_s: float) -> dict[str, str]:
         p50_s, p99_s = self._latencies.quantiles_s(now_s, 0.5, 0.99)
@@ -225,3 +306,22 @@ class Health:
             'answered': str(self.answered_count),
             **{f'rejected.{cause}': str(n) for cause, n in sorted(self.rejections.items())},
         }
+
+
+def diagnostics_msg(
+    stamp: Time, name: str, hardware_id: str, status: HealthStatus
+) -> DiagnosticArray:
+    """Make a DiagnosticArray with one status."""
+    values = [KeyValue(key=key, value=value) for key, value in status.values.items()]
+    return DiagnosticArray(
+        header=Header(stamp=stamp),
+        status=[
+            DiagnosticStatus(
+                level=bytes([status.level]),
+                name=name,
+                message=status.message,
+                hardware_id=hardware_id,
+                values=values,
+            )
+        ],
+    )

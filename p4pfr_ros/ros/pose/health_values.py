@@ -1,44 +1,90 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numbers of a camera and of a view as /diagnostics lists them: always the same names."""
+"""
+The numbers on /diagnostics: rates, latencies, the camera and the last view.
+
+They stand alone because ``health`` decides on level and message without them.
+"""
 
 from __future__ import annotations
 
+from collections import deque
+from itertools import takewhile
 import math
 
 import numpy as np
-from p4pfr_ros import DivisionCamera, PoseEstimate
-from p4pfr_ros.core.many_views.results import CameraEstimate
+from p4pfr_ros import CameraEstimate, DivisionCamera, PoseEstimate
+
+WINDOW_S = 5.0
 
 UNKNOWN = 'unknown'
 
-# Places in a PoseEstimate's covariance.
-_FOCAL, _K = 6, 7
+# With more estimates in a window, the window is shorter.
+_MAX_COUNT = 8192
+
+
+class Latencies:
+    """
+    Rate and latency of the estimates in a sliding window of some seconds.
+
+    Adding one takes less than a microsecond; quantiles are computed on request. All times are
+    seconds of one steady clock.
+    """
+
+    def __init__(self, start_s: float) -> None:
+        self._start_s = start_s
+        self._estimates: deque[tuple[float, float]] = deque(maxlen=_MAX_COUNT)
+
+    def add(self, now_s: float, latency_s: float) -> None:
+        """Add an estimate, with the time since its message was received."""
+        self._estimates.append((now_s, latency_s))
+
+    def rate_hz(self, now_s: float) -> float:
+        """Return the number of estimates per second."""
+        count = len(self._within(now_s))
+        begin_s = max(self._start_s, now_s - WINDOW_S)
+        if count == _MAX_COUNT:
+            begin_s = max(begin_s, self._estimates[0][0])
+        # At least a second, so that the rate is not overestimated right after the start.
+        return count / max(now_s - begin_s, 1.0)
+
+    def quantiles_s(self, now_s: float, *shares: float) -> list[float]:
+        """Return the quantiles (shares from 0 to 1) of the latencies; NaN without estimates."""
+        latencies = self._within(now_s)
+        if not latencies:
+            return [math.nan for _ in shares]
+        # A measured latency, not an interpolation between two.
+        quantiles: list[float] = np.quantile(latencies, shares, method='inverted_cdf').tolist()
+        return quantiles
+
+    def _within(self, now_s: float) -> list[float]:
+        recent = takewhile(lambda one: one[0] > now_s - WINDOW_S, reversed(self._estimates))
+        return [latency_s for _, latency_s in recent]
 
 
 def number(value: float, digits: int) -> str:
-    """Write a number with so many digits after the point; what is not finite is unknown."""
+    """Format a number with this many decimals; 'unknown' if it is not finite."""
     return f'{value:.{digits}f}' if math.isfinite(value) else UNKNOWN
 
 
 def camera_values(fused: CameraEstimate | None, estimate: PoseEstimate | None) -> dict[str, str]:
-    """List the fused camera, or where there is none what the last view tells of it."""
+    """List the calibrated camera; without one, what the last view determines of the camera."""
     focal = k = center_x = center_y = rms = (math.nan, math.nan)
     camera: DivisionCamera | None = None
     if fused is not None:
         camera = fused.camera
         focal, k = (camera.focal_px, fused.focal_sigma_px), (camera.k, fused.k_sigma)
-        # A centre that has not been freed yet has no deviation: it is assumed, not known.
-        sigma_x, sigma_y = (sigma or math.nan for sigma in fused.center_sigma_px.tolist())
+        # A sigma of 0: the centre is still assumed, not estimated.
+        sigma_x, sigma_y = (float(sigma) or math.nan for sigma in fused.center_sigma_px)
         center_x, center_y = (camera.center_px[0], sigma_x), (camera.center_px[1], sigma_y)
         rms = (fused.rms_px, math.nan)
     elif estimate is not None and estimate.model is not None:
         camera = estimate.model.camera
         if estimate.observable.focal:
-            focal = (camera.focal_px, _sigma(estimate, _FOCAL))
+            focal = (camera.focal_px, estimate.focal_sigma_px)
         if estimate.observable.distortion:
-            k = (camera.k, _sigma(estimate, _K))
+            k = (camera.k, estimate.k_sigma)
         center_x, center_y = (camera.center_px[0], math.nan), (camera.center_px[1], math.nan)
     return {
         'focal_px': number(focal[0], 2),
@@ -47,7 +93,7 @@ def camera_values(fused: CameraEstimate | None, estimate: PoseEstimate | None) -
         'k_sigma': number(k[1], 5),
         'k2': number(camera.k2, 5) if camera is not None else UNKNOWN,
         'k3': number(camera.k3, 5) if camera is not None else UNKNOWN,
-        'distortion_order': str(_order(camera)) if camera is not None else UNKNOWN,
+        'distortion_order': str(camera.order) if camera is not None else UNKNOWN,
         'center_x_px': number(center_x[0], 2),
         'center_x_sigma_px': number(center_x[1], 2),
         'center_y_px': number(center_y[0], 2),
@@ -57,24 +103,12 @@ def camera_values(fused: CameraEstimate | None, estimate: PoseEstimate | None) -
 
 
 def view_values(estimate: PoseEstimate | None) -> dict[str, str]:
-    """List what the last view was like."""
+    """List the properties of the last view."""
     if estimate is None:
-        return dict.fromkeys(('inlier_ratio', 'rms_px', 'alternatives', 'stop'), UNKNOWN)
+        return dict.fromkeys(('inlier_ratio', 'rms_px', 'alternatives', 'status'), UNKNOWN)
     return {
         'inlier_ratio': number(float(np.mean(estimate.inliers)), 3),
         'rms_px': number(estimate.rms_px, 3),
         'alternatives': str(len(estimate.alternatives)),
-        'stop': estimate.status.value,
+        'status': estimate.status.value,
     }
-
-
-def _sigma(estimate: PoseEstimate, place: int) -> float:
-    variance = float(estimate.covariance[place, place])
-    return math.sqrt(variance) if variance >= 0.0 else math.nan
-
-
-def _order(camera: DivisionCamera) -> int:
-    """Return how many coefficients the lens has."""
-    if camera.k3 != 0.0:
-        return 3
-    return 2 if camera.k2 != 0.0 else 1

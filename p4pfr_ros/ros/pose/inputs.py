@@ -1,87 +1,284 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The topics that tell pose_node where a camera sees boards."""
+"""Messages -> observations: the points of one board in one image, in pixels of the raw image."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Mapping
+from dataclasses import dataclass
+import re
 from typing import Any
 
 from geometry_msgs.msg import PolygonStamped
-from sensor_msgs.msg import PointCloud2
+import numpy as np
+from p4pfr_ros import CameraInfoModel
+from p4pfr_ros.boards import Board
+from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.files.boards import ConfigError, load_boards
+from sensor_msgs.msg import CameraInfo, PointCloud2
 from std_msgs.msg import Header
 
-from .targets import MARKER, Target, Targets
 from ..conversions import (
     Correspondences,
     correspondences_from_cloud,
     correspondences_from_detections,
     correspondences_from_polygon,
-    detection_array_type,
+    image_frame_from_msg,
+    ImageFrame,
+    model_from_msg,
 )
-from ..parameters.declare import Parameters
-from ..parameters.pose_options import PoseNodeOptions
-from ..runtime.endpoints import Endpoints
-from ..runtime.rejections import Rejected
+from ..parameters.pose_options import ImageOptions, PoseNodeOptions
+from ..runtime.rejections import Notice, Rejected
 
-# A target and where it was seen, or why a message does not say that.
-Found = tuple[Target, Correspondences] | Rejected
+_NO_SIZE = Rejected(
+    'no_image_size',
+    'unknown image size: publish camera_info (its K may be 0) or set the parameters '
+    'image.width_px and image.height_px',
+)
+_NO_CAMERA_INFO = Rejected(
+    'no_camera_info', 'intrinsics.mode camera_info: no camera_info received yet'
+)
+
+# A fitted corner may lie this far outside the image.
+_MARGIN_PX = 2.0
+
+_NODE = '~'
+_NAMELESS = 'board'
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """
+    A board with its topics.
+
+    prefix
+        Prefix of its topics: ``~``, or ``~/NAME`` for one of several boards.
+    board
+        Its geometry; None without a board file.
+    """
+
+    prefix: str = _NODE
+    board: Board | None = None
+
+    def frame(self, board_frame: str) -> str:
+        """Return the name of its frame, given the parameter ``board_frame``."""
+        name = _NAMELESS if self.board is None else self.board.name
+        if self.prefix == _NODE:
+            return board_frame or name
+        return f'{board_frame}/{name}' if board_frame else name
+
+
+# The marker on the topic ``corners``, which is not in the board file.
+MARKER = Target()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardObservation:
+    """
+    The points of one board in one image.
+
+    Parameters
+    ----------
+    header
+        Stamp and optical frame of the message.
+    frame
+        Size, window and binning of the image.
+    target
+        The board.
+    points
+        Its points, in pixels of the image as it was sent.
+    image_points : (N, 2) array
+        The same points in pixels of the full raw image.
+
+    """
+
+    header: Header
+    frame: ImageFrame
+    target: Target
+    points: Correspondences
+    image_points: Array
+
+    @property
+    def stamp_ns(self) -> int:
+        """The stamp in nanoseconds; it may be negative."""
+        stamp = self.header.stamp
+        return 1_000_000_000 * int(stamp.sec) + int(stamp.nanosec)
 
 
 class Inputs:
     """
-    Turns messages into what was seen.
+    Converts messages to observations, with the boards of a file and the latest camera_info.
 
     Parameters
     ----------
-    targets
-        What can be seen.
-    config
-        The node's parameters.
-    answer
-        Takes the header of a message, and all that was seen in its picture.
+    board_file
+        Path of the board file; empty: one board without a name.
+
+    Raises
+    ------
+    ConfigError
+        The file is invalid, or the name of one of several boards is not valid in a topic name.
 
     """
 
-    def __init__(
-        self,
-        targets: Targets,
-        config: Parameters[PoseNodeOptions],
-        answer: Callable[[Header, Iterable[Found]], None],
-    ) -> None:
-        self._targets, self._config, self._answer = targets, config, answer
+    def __init__(self, board_file: str) -> None:
+        self.boards: Mapping[str, Board] = load_boards(board_file) if board_file else {}
+        if len(self.boards) > 1:
+            self._targets = [
+                Target(f'{_NODE}/{_topic_name(board_file, name)}', board)
+                for name, board in self.boards.items()
+            ]
+        else:
+            self._targets = [Target(_NODE, board) for board in self.boards.values()] or [MARKER]
+        self._camera_info: CameraInfo | None = None
+        self._frame: ImageFrame | None = None
+        self._model: CameraInfoModel | Rejected = _NO_CAMERA_INFO
+        self._modelled: CameraInfo | None = None
 
-    def subscribe(self, endpoints: Endpoints) -> None:
-        """Listen to all topics; to ``detections`` where apriltag_msgs and boards are there."""
-        endpoints.subscribe(PolygonStamped, 'corners', self.on_corners)
-        endpoints.subscribe(PointCloud2, 'correspondences', self.on_correspondences)
-        detections = detection_array_type()
-        if detections is not None and self._targets.boards:
-            endpoints.subscribe(detections, 'detections', self.on_detections)
+    @property
+    def prefixes(self) -> set[str]:
+        """The topic prefixes of all targets, including MARKER."""
+        return {MARKER.prefix, *(target.prefix for target in self._targets)}
 
-    def on_corners(self, msg: PolygonStamped) -> None:
-        """Take the corners of a marker that no file knows of."""
-        marker = self._config.options.marker
+    def from_corners(
+        self, msg: PolygonStamped, options: PoseNodeOptions
+    ) -> list[BoardObservation | Rejected]:
+        """Convert the corners of the marker that the parameters describe."""
+        marker = options.marker
         points = correspondences_from_polygon(
             msg, marker.size_m, marker.corner_order, marker.pixel_center_px
         )
-        self._answer(msg.header, [points if isinstance(points, Rejected) else (MARKER, points)])
+        return [self._observation(msg.header, MARKER, points, options)]
 
-    def on_correspondences(self, msg: PointCloud2) -> None:
-        """Take the points of one board."""
-        self._answer(msg.header, [self._found(correspondences_from_cloud(msg))])
+    def from_cloud(
+        self, msg: PointCloud2, options: PoseNodeOptions
+    ) -> list[BoardObservation | Rejected]:
+        """Convert the points of one board."""
+        return [self._of_board(msg.header, correspondences_from_cloud(msg), options)]
 
-    def on_detections(self, msg: Any) -> None:
-        """Take the tags of an AprilTagDetectionArray, and sort them by their boards."""
-        detections = self._config.options.detections
-        found = correspondences_from_detections(
-            msg, self._targets.boards, detections.corner_order, detections.pixel_center_px
+    def from_detections(
+        self, msg: Any, options: PoseNodeOptions
+    ) -> list[BoardObservation | Rejected]:
+        """Convert an AprilTagDetectionArray: one observation for each detected board."""
+        conventions = options.detections
+        boards = correspondences_from_detections(
+            msg, self.boards, conventions.corner_order, conventions.pixel_center_px
         )
-        self._answer(msg.header, [self._found(points) for points in found])
+        return [self._of_board(msg.header, points, options) for points in boards]
 
-    def _found(self, points: Correspondences | Rejected) -> Found:
+    def use_camera_info(self, msg: CameraInfo) -> Rejected | None:
+        """Replace the latest camera_info, or return why it is invalid."""
+        frame = image_frame_from_msg(msg)
+        if isinstance(frame, Rejected):
+            return frame
+        self._camera_info, self._frame = msg, frame
+        return None
+
+    def camera_model(self) -> CameraInfoModel | Rejected:
+        """Return the calibration in the latest camera_info."""
+        # Only the mode camera_info needs it, so it is converted on demand, once a message.
+        if self._camera_info is not self._modelled:
+            self._model = model_from_msg(self._camera_info)
+            self._modelled = self._camera_info
+        return self._model
+
+    def frame_mismatch(self, header: Header) -> Notice | None:
+        """Return a notice if camera_info has another frame_id than the header."""
+        frame_id = '' if self._camera_info is None else self._camera_info.header.frame_id
+        if frame_id in ('', header.frame_id):
+            return None
+        return Notice(
+            'frame_id',
+            f'camera_info has the frame {frame_id!r}, the points have {header.frame_id!r}: are '
+            'they from the same camera?',
+        )
+
+    def tf_conflict(self, options: PoseNodeOptions) -> Notice | None:
+        """Return a notice if the options give the camera frame several parents in /tf."""
+        if not (options.publish_tf and options.invert_tf) or len(self._targets) < 2:
+            return None
+        return Notice(
+            'tf_parents',
+            f'invert_tf gives the camera frame {len(self._targets)} parents on /tf, one for each '
+            'board of board_file, but /tf allows one: set invert_tf to false, or use a file with '
+            'one board',
+        )
+
+    def target(self, index: int | None) -> Target | Rejected:
+        """Return the board with this index in the file; None is valid for a single board."""
+        if index is None:
+            return self._targets[0] if len(self._targets) == 1 else _ambiguous(self.boards)
+        if 0 <= index < len(self._targets):
+            return self._targets[index]
+        return Rejected(
+            'unknown_board',
+            f'board {index}: expected 0 to {len(self._targets) - 1}, the indices of the boards in '
+            'board_file; the detector must use the same file',
+        )
+
+    def _of_board(
+        self, header: Header, points: Correspondences | Rejected, options: PoseNodeOptions
+    ) -> BoardObservation | Rejected:
         if isinstance(points, Rejected):
             return points
-        target = self._targets.at(points.board)
-        return target if isinstance(target, Rejected) else (target, points)
+        return self._observation(header, self.target(points.board), points, options)
+
+    def _observation(
+        self,
+        header: Header,
+        target: Target | Rejected,
+        points: Correspondences | Rejected,
+        options: PoseNodeOptions,
+    ) -> BoardObservation | Rejected:
+        """Convert the points to the full raw image, unless one of the arguments is rejected."""
+        if isinstance(points, Rejected):
+            return points
+        if isinstance(target, Rejected):
+            return target
+        frame = self._image_frame(options.image)
+        if isinstance(frame, Rejected):
+            return frame
+        image_points = frame.full_from_sent(points.image_points)
+        outside = outside_image(image_points, frame.size)
+        return outside or BoardObservation(header, frame, target, points, image_points)
+
+    def _image_frame(self, options: ImageOptions) -> ImageFrame | Rejected:
+        """Return the frame of the latest camera_info; before the first, that of the parameters."""
+        if self._frame is not None:
+            return self._frame
+        given = options.width_px > 0 and options.height_px > 0
+        return ImageFrame((options.width_px, options.height_px)) if given else _NO_SIZE
+
+
+def outside_image(points_px: Array, image_size: tuple[int, int]) -> Rejected | None:
+    """Return a rejection if one of the points (N, 2) lies outside the full raw image."""
+    width, height = image_size
+    low, high = -0.5 - _MARGIN_PX, np.array([width, height]) - 0.5 + _MARGIN_PX
+    is_outside = (points_px < low) | (points_px > high)
+    if not is_outside.any():
+        return None
+    x, y = points_px[is_outside.any(axis=1)][0]
+    return Rejected(
+        'outside_image',
+        f'the point ({x:.0f}, {y:.0f}) px lies outside the image of {width}x{height} px: does '
+        'camera_info belong to this camera?',
+    )
+
+
+def _ambiguous(boards: Mapping[str, Board]) -> Rejected:
+    indices = ', '.join(f'{index} for {name}' for index, name in enumerate(boards))
+    return Rejected(
+        'unknown_board',
+        f'correspondences: board_file has {len(boards)} boards, so a cloud needs the integer '
+        f'field board: {indices}',
+    )
+
+
+def _topic_name(board_file: str, name: str) -> str:
+    if re.fullmatch(r'[A-Za-z]\w*', name, re.ASCII) is None:
+        raise ConfigError(
+            f'{board_file}: boards.{name}: expected a letter, and then letters, digits and _, in '
+            'the name of one of several boards: it is part of topic names'
+        )
+    return name

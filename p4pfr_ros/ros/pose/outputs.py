@@ -1,18 +1,23 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What pose_node publishes of its answers: poses for each board, and the camera."""
+"""The topics that pose_node publishes for an estimate: poses, camera, markers and /tf."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseArray, PoseStamped, PoseWithCovarianceStamped
-from p4pfr_ros import PoseEstimate
-from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
+from p4pfr_ros import CameraInfoModel, Pose, PoseEstimate
+from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
 
-from .self_calibrating import Known
+from .camera_source import KnownCamera
+from .inputs import BoardObservation, Target
 from ..conversions import (
     camera_info_division_msg,
     camera_info_from_model_msg,
@@ -21,20 +26,79 @@ from ..conversions import (
     pose_array_msg,
     pose_msg,
     pose_with_covariance_msg,
+    transform_msg,
 )
-from ..runtime.endpoints import Endpoints, is_awaited, is_heard
+from ..conversions.markers import markers_msg
+from ..parameters.pose_options import PER_FRAME, PoseNodeOptions
+from ..runtime.endpoints import Endpoints, has_subscribers, is_awaited
+
+
+class Outputs:
+    """
+    All topics of estimates.
+
+    Parameters
+    ----------
+    node
+        The node, for /tf.
+    endpoints
+        Creates the publishers.
+    prefixes
+        The topic prefixes of the boards.
+
+    """
+
+    def __init__(self, node: Node, endpoints: Endpoints, prefixes: Iterable[str]) -> None:
+        self._poses = {prefix: PoseOutputs(endpoints, prefix) for prefix in sorted(prefixes)}
+        self._cameras = CameraOutputs(endpoints)
+        self._scene = SceneOutputs(node, endpoints)
+        self._mode = ''
+
+    def is_awaited(self, target: Target, options: PoseNodeOptions) -> bool:
+        """Return whether any topic needs an estimate of this board."""
+        return (
+            self._poses[target.prefix].is_awaited()
+            or self._cameras.has_subscribers()
+            or self._scene.is_awaited(options)
+        )
+
+    def publish_pose(
+        self, observation: BoardObservation, estimate: PoseEstimate, options: PoseNodeOptions
+    ) -> None:
+        """Publish an estimate: poses first, because a controller may wait for them."""
+        self._poses[observation.target.prefix].publish(observation.header, estimate)
+        self._scene.publish(observation, estimate, options)
+
+    def publish_camera(
+        self, observation: BoardObservation, camera: KnownCamera | None, options: PoseNodeOptions
+    ) -> CameraInfoModel | None:
+        """Publish the camera in use if it has changed; return the model that was published."""
+        mode = options.intrinsics.mode
+        # The model is fitted to each camera of the mode per_frame only for a subscriber.
+        if camera is not None and (mode != PER_FRAME or self._cameras.has_subscribers()):
+            self._mode = mode
+            header, frame = observation.header, observation.frame
+            return self._cameras.publish(header, frame, camera, again=mode == PER_FRAME)
+        # A view of the mode per_frame without a camera does not retract the one before it.
+        if mode != PER_FRAME or self._mode != PER_FRAME:
+            self._cameras.retract(observation.header.stamp)
+        return None
+
+    def retract_camera(self, stamp: Time) -> None:
+        """Publish that there is no camera."""
+        self._cameras.retract(stamp)
 
 
 class PoseOutputs:
     """
-    The topics of one board.
+    The pose topics of one board.
 
     Parameters
     ----------
     endpoints
-        Makes and takes down.
+        Creates the publishers.
     prefix
-        What the topics' names begin with: ``~``, or ``~/NAME``.
+        Prefix of the topics: ``~``, or ``~/NAME``.
 
     """
 
@@ -45,20 +109,20 @@ class PoseOutputs:
         )
         self._alternatives = endpoints.advertise(PoseArray, f'{prefix}/alternatives')
 
-    def is_heard(self) -> bool:
-        """Return whether anybody listens, or may ask for the last answer later."""
-        return any(map(is_awaited, (self._pose, self._with_covariance, self._alternatives)))
+    def is_awaited(self) -> bool:
+        """Return whether a topic has a subscriber, or is latched for later ones."""
+        return is_awaited(self._pose, self._with_covariance, self._alternatives)
 
     def publish(self, header: Header, estimate: PoseEstimate) -> None:
-        """Publish an estimate to who waits for it; one without a model leaves nothing to say."""
+        """Publish an estimate on the awaited topics; without a model publish nothing."""
         if estimate.model is None:
             return
-        pose, seen = estimate.model.camera_from_board, estimate.observable
-        # The covariance can say that a number means nothing; the other messages cannot.
+        pose, observable = estimate.model.camera_from_board, estimate.observable
+        # Only the covariance can express that the view does not determine a number.
         if is_awaited(self._with_covariance):
             covariance = estimate.covariance[:6, :6]
             self._with_covariance.publish(pose_with_covariance_msg(header, pose, covariance))
-        if seen.direction and seen.distance and is_awaited(self._pose):
+        if observable.direction and observable.distance and is_awaited(self._pose):
             self._pose.publish(pose_msg(header, pose))
         if is_awaited(self._alternatives):
             others = [other.camera_from_board for other in estimate.alternatives]
@@ -67,36 +131,37 @@ class PoseOutputs:
 
 class CameraOutputs:
     """
-    The camera's topics: latched, so whoever comes late gets the camera in use, or K = 0.
+    The latched topics of the camera: late subscribers receive the camera in use, or K = 0.
 
     Parameters
     ----------
     endpoints
-        Makes and takes down.
+        Creates the publishers.
 
     """
 
     def __init__(self, endpoints: Endpoints) -> None:
         self._camera_info = endpoints.advertise(CameraInfo, '~/camera_info', latched=True)
         self._division = endpoints.advertise(CameraInfo, '~/camera_info_division', latched=True)
-        self._told: tuple[Known, str, ImageFrame] | None = None
+        self._published: tuple[KnownCamera, str, ImageFrame] | None = None
 
-    def is_heard(self) -> bool:
-        """Return whether anybody listens."""
-        return is_heard(self._camera_info, self._division)
+    def has_subscribers(self) -> bool:
+        """Return whether a topic has a subscriber."""
+        return has_subscribers(self._camera_info, self._division)
 
-    def tell(
-        self, header: Header, frame: ImageFrame, camera: Known, *, again: bool
+    def publish(
+        self, header: Header, frame: ImageFrame, camera: KnownCamera, *, again: bool
     ) -> CameraInfoModel | None:
         """
-        Publish a camera, again or if it was not told last; return its published model.
+        Publish a camera, in our model and in a model that image_proc supports.
 
-        A division camera is told as it is, and in a model that image_proc knows.
+        Returns the latter; None, and nothing is published, if the camera is the one published
+        last and ``again`` is false.
         """
-        news = camera, header.frame_id, frame
-        if news == self._told and not again:
+        published = camera, header.frame_id, frame
+        if published == self._published and not again:
             return None
-        self._told = news
+        self._published = published
         if isinstance(camera, CameraInfoModel):
             model = camera
             self._division.publish(camera_info_msg(header, frame))
@@ -106,11 +171,114 @@ class CameraOutputs:
         self._camera_info.publish(camera_info_from_model_msg(header, frame, model))
         return model
 
-    def take_back(self, stamp: Time) -> None:
-        """Say that there is no such camera any more, if one was told."""
-        if self._told is not None:
-            _, frame_id, frame = self._told
-            nothing = camera_info_msg(Header(stamp=stamp, frame_id=frame_id), frame)
-            self._camera_info.publish(nothing)
-            self._division.publish(nothing)
-            self._told = None
+    def retract(self, stamp: Time) -> None:
+        """Publish an uncalibrated camera (K = 0) if a camera was published before."""
+        if self._published is not None:
+            _, frame_id, frame = self._published
+            uncalibrated = camera_info_msg(Header(stamp=stamp, frame_id=frame_id), frame)
+            self._camera_info.publish(uncalibrated)
+            self._division.publish(uncalibrated)
+            self._published = None
+
+
+class SceneOutputs:
+    """
+    Board poses for visualisation and tf: ``~/markers`` and /tf.
+
+    Parameters
+    ----------
+    node
+        The node, for /tf.
+    endpoints
+        Creates the publishers.
+
+    """
+
+    def __init__(self, node: Node, endpoints: Endpoints) -> None:
+        self._node, self._endpoints = node, endpoints
+        self._markers = endpoints.advertise(MarkerArray, '~/markers')
+        self._transforms: Transforms | None = None
+
+    def is_awaited(self, options: PoseNodeOptions) -> bool:
+        """Return whether markers have a subscriber; /tf is assumed to have one."""
+        return options.publish_tf or has_subscribers(self._markers)
+
+    def publish(
+        self, observation: BoardObservation, estimate: PoseEstimate, options: PoseNodeOptions
+    ) -> None:
+        """Publish an estimate; without a model, delete the markers of the board."""
+        if has_subscribers(self._markers):
+            self._markers.publish(_markers(observation, estimate, options))
+        model, observable = estimate.model, estimate.observable
+        if options.publish_tf and model and observable.direction and observable.distance:
+            if self._transforms is None:
+                self._transforms = Transforms(self._node, self._endpoints)
+            board_frame = observation.target.frame(options.board_frame)
+            self._transforms.publish(
+                observation.header, board_frame, model.camera_from_board, options.invert_tf
+            )
+
+
+class Transforms:
+    """
+    Broadcasts poses of boards on /tf; if ``tf2_ros`` is missing, it logs that once instead.
+
+    Parameters
+    ----------
+    node
+        The node that broadcasts.
+    endpoints
+        Destroys the publisher.
+
+    """
+
+    def __init__(self, node: Node, endpoints: Endpoints) -> None:
+        self._logger = node.get_logger()
+        self._broadcaster = _broadcaster(node)
+        if self._broadcaster is not None:
+            # TransformBroadcaster itself cannot destroy its publisher.
+            endpoints.add_publisher(self._broadcaster.pub_tf)
+
+    def publish(
+        self, header: Header, child_frame: str, camera_from_board: Pose, inverse: bool = False
+    ) -> None:
+        """Broadcast a pose; ``inverse`` makes the board frame the parent of the header's frame."""
+        if self._broadcaster is None:
+            return
+        if header.frame_id in ('', child_frame):
+            # Every listener would log an error for every message.
+            self._logger.warning(
+                f'nothing is published on /tf: expected points with a frame_id other than '
+                f'{child_frame!r}, got {header.frame_id!r}',
+                once=True,
+            )
+        else:
+            self._broadcaster.sendTransform(
+                transform_msg(header, child_frame, camera_from_board, inverse)
+            )
+
+
+def _broadcaster(node: Node) -> Any:
+    # tf2_ros is optional, and imported only if /tf is wanted.
+    try:
+        from tf2_ros import TransformBroadcaster
+    except ImportError:
+        node.get_logger().warning('tf2_ros is not installed: nothing is published on /tf')
+        return None
+    return TransformBroadcaster(node)
+
+
+def _markers(
+    observation: BoardObservation, estimate: PoseEstimate, options: PoseNodeOptions
+) -> MarkerArray:
+    target = observation.target
+    return markers_msg(
+        observation.header,
+        target.frame(options.board_frame),
+        estimate,
+        observation.points,
+        observation.image_points,
+        observation.frame.size,
+        sheet_size_m=None if target.board is None else target.board.sheet_size_m,
+        full_scale_px=options.robust.threshold_px,
+    )

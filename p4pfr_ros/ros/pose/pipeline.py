@@ -1,120 +1,179 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What pose_node does, for any kind of node: corners of markers and boards in, poses out."""
+"""The pose pipeline: estimate each observed board, publish, then update the calibration."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+import functools
+import time
+from typing import Any
 
-from p4pfr_ros.files.yaml_fields import ConfigError
+from geometry_msgs.msg import PolygonStamped
+from p4pfr_ros import PoseEstimate
+from p4pfr_ros.files.boards import ConfigError
 from rclpy.node import Node
-from sensor_msgs.msg import CameraInfo
-from std_msgs.msg import Header
+from sensor_msgs.msg import CameraInfo, PointCloud2
 
-from .answering import Answering
-from .calibration_keeper import CalibrationKeeper
-from .health import PERIOD_S
-from .inputs import Found, Inputs
-from .publishing import Publishing
-from .reports import Reports
-from .services import CameraInfoSetter, Services
-from .targets import Targets
+from .calibration_keeper import CalibrationKeeper, CameraInfoSetter
+from .camera_source import camera_to_publish, CameraSource, estimate_with
+from .health import HealthReporter, PERIOD_S
+from .inputs import BoardObservation, Inputs
+from .outputs import Outputs
+from .services import Services
+from ..conversions import detection_array_type
 from ..parameters.declare import Parameters
-from ..parameters.intrinsics_options import FIXED
-from ..parameters.pose_options import PoseNodeOptions
+from ..parameters.pose_options import FIXED, PoseNodeOptions, SELF_CALIBRATE
 from ..runtime.endpoints import Endpoints
+from ..runtime.rejections import Notice, Rejected
 from ..runtime.warm_up import warm_up
 
 
-class PoseWork:
+class PosePipeline:
     """
-    Estimates, for each view of a marker or board, its pose, the focal length and the distortion.
+    Estimates the pose of a marker or board, the focal length and the distortion, for any node.
 
-    Header, stamp and frame of an answer are those of the message that it answers. When it is
-    made, it is ready; it listens from ``start`` to ``stop``, again and again if need be.
+    Published messages carry the header of the message with the points. The constructor creates
+    publishers and services and compiles the kernels; the pipeline subscribes between ``start``
+    and ``stop``, which may be called repeatedly.
 
     Parameters
     ----------
     node
-        Whose work it is.
-    config
-        The node's parameters.
+        The node of all endpoints.
+    parameters
+        Its parameters.
 
     Raises
     ------
     ConfigError
-        A file that a parameter names is wrong, or a camera that is needed is missing.
+        A file or a name in the parameters is invalid, or the mode fixed has no camera.
 
     """
 
-    def __init__(self, node: Node, config: Parameters[PoseNodeOptions]) -> None:
-        self._config = config
-        options = config.options
-        # What can be refused comes first, while there is nothing to take down.
-        targets = self._targets = Targets(options.board_file)
-        self._keeper = CalibrationKeeper(options, self._tell, lambda text: _say(node, text))
-        config.guard(self._check)
-        # What stays until the end, and what comes and goes.
-        self._lasting, self._passing = Endpoints(node), Endpoints(node)
+    def __init__(self, node: Node, parameters: Parameters[PoseNodeOptions]) -> None:
+        self._parameters = parameters
+        self._lasting, self._subscribed = Endpoints(node), Endpoints(node)
+        options, logger = parameters.options, node.get_logger()
         try:
-            self._reports = Reports(node, self._lasting, options.camera_name)
-            self._setter = CameraInfoSetter(
-                self._lasting, options.set_camera_info_service, lambda text: _say(node, text)
-            )
-            publishing = Publishing(node, self._lasting, targets)
-            self._answering = Answering(self._keeper, publishing, self._reports)
-            self._inputs = Inputs(targets, config, self._on_found)
-            Services(node, self._lasting, self._keeper.save, self._answering.reset)
-            # Nobody's first message shall wait for the compiler.
+            self._inputs = Inputs(options.board_file)
+            self._driver = CameraInfoSetter(logger, self._lasting, options.set_camera_info_service)
+            self._keeper = CalibrationKeeper(logger, self._driver, options)
+            parameters.guard(self._check_fixed_camera)
+            self._cameras = CameraSource(self._keeper.calibrations, self._inputs)
+            self._outputs = Outputs(node, self._lasting, self._inputs.prefixes)
+            self._reporter = HealthReporter(node, self._lasting, options.camera_name)
+            Services(node, self._lasting, self._keeper, self._outputs, self._reporter)
+            # So that no message waits for the compiler.
             warm_up()
         except Exception:
-            # Nobody could take down what is only half there.
             self.close()
             raise
 
     def start(self) -> None:
-        """Begin to listen."""
-        self._passing.subscribe(CameraInfo, 'camera_info', self._answering.on_camera_info)
-        self._inputs.subscribe(self._passing)
-        self._passing.every(PERIOD_S, self._on_second)
+        """Subscribe; to ``detections`` if there are boards and apriltag_msgs is installed."""
+        self._subscribed.subscribe(CameraInfo, 'camera_info', self._on_camera_info)
+        self._subscribed.subscribe(PolygonStamped, 'corners', self._on_corners)
+        self._subscribed.subscribe(PointCloud2, 'correspondences', self._on_correspondences)
+        detections = detection_array_type()
+        if detections is not None and self._inputs.boards:
+            self._subscribed.subscribe(detections, 'detections', self._on_detections)
+        self._subscribed.every(PERIOD_S, self._on_timer)
 
     def stop(self) -> None:
-        """Listen no more; what has been found is kept."""
-        self._passing.close()
+        """Unsubscribe; the calibration is kept."""
+        self._subscribed.close()
 
     def close(self) -> None:
-        """Status, and take everything down."""
-        self._passing.close()
+        """Stop, and destroy all endpoints."""
+        self._subscribed.close()
         self._lasting.close()
-        self._config.guard(None)
+        self._parameters.guard(None)
 
-    def _on_found(self, header: Header, found: Iterable[Found]) -> None:
-        options = self._config.options
+    def _on_camera_info(self, msg: CameraInfo) -> None:
+        rejected = self._inputs.use_camera_info(msg)
+        if rejected is not None:
+            self._reporter.reject(rejected)
+
+    def _on_corners(self, msg: PolygonStamped) -> None:
+        options = self._parameters.options
+        self._process(self._inputs.from_corners(msg, options), options)
+
+    def _on_correspondences(self, msg: PointCloud2) -> None:
+        options = self._parameters.options
+        self._process(self._inputs.from_cloud(msg, options), options)
+
+    def _on_detections(self, msg: Any) -> None:
+        options = self._parameters.options
+        self._process(self._inputs.from_detections(msg, options), options)
+
+    def _on_timer(self) -> None:
+        self._reporter.publish(enabled=self._parameters.options.enabled)
+        self._driver.send_pending()
+
+    def _process(
+        self, observations: Iterable[BoardObservation | Rejected], options: PoseNodeOptions
+    ) -> None:
+        """Process all boards of one message, and report the health of the node."""
         if options.enabled:
-            self._answering.on_found(header, found, options)
-            self._reports.remark(self._targets.remark_on_tf(options))
-        self._reports.publish(enabled=options.enabled)
+            received_s = time.monotonic()
+            self._reporter.received(received_s)
+            for observation in observations:
+                if isinstance(observation, Rejected):
+                    self._reporter.reject(observation)
+                elif self._is_needed(observation, options):
+                    self._estimate(observation, options, received_s)
+            self._warn(self._inputs.tf_conflict(options))
+        self._reporter.publish(enabled=options.enabled)
 
-    def _on_second(self) -> None:
-        self._reports.publish(enabled=self._config.options.enabled)
-        self._setter.try_again()
+    def _is_needed(self, observation: BoardObservation, options: PoseNodeOptions) -> bool:
+        learns = options.intrinsics.mode == SELF_CALIBRATE
+        return learns or self._outputs.is_awaited(observation.target, options)
 
-    def _tell(self, camera_info: CameraInfo) -> None:
-        self._setter.tell(camera_info)
-
-    def _check(self, options: PoseNodeOptions) -> None:
-        """Refuse the mode fixed while there is no camera."""
-        given, now = options.intrinsics, self._config.options
-        # A camera may have been forgotten since: what has nothing to do with it can be changed.
-        if options is not now and given == now.intrinsics:
+    def _estimate(
+        self, observation: BoardObservation, options: PoseNodeOptions, received_s: float
+    ) -> None:
+        """Estimate one board; a calibrated camera publishes the pose before it is updated."""
+        self._warn(self._inputs.frame_mismatch(observation.header))
+        camera = self._cameras.camera_for(observation, options)
+        if isinstance(camera, Rejected):
+            self._reporter.reject(camera)
             return
-        if given.mode == FIXED and given.focal_px == 0.0 and not self._keeper.found.knows_any:
+        publish = functools.partial(self._publish, observation, options, received_s)
+        estimate = estimate_with(camera, observation, options, on_pose=publish)
+        in_use = camera_to_publish(camera, estimate, options.intrinsics.mode)
+        self._reporter.camera_published(self._outputs.publish_camera(observation, in_use, options))
+        if options.intrinsics.mode == SELF_CALIBRATE:
+            self._warn(self._keeper.calibrations.finish_view())
+            self._warn(self._keeper.follow(observation, options))
+            self._reporter.calibrated(self._keeper.calibrations)
+        else:
+            self._reporter.calibrated(None)
+
+    def _publish(
+        self,
+        observation: BoardObservation,
+        options: PoseNodeOptions,
+        received_s: float,
+        estimate: PoseEstimate,
+    ) -> None:
+        self._outputs.publish_pose(observation, estimate, options)
+        self._reporter.estimated(observation.stamp_ns, estimate, received_s)
+
+    def _warn(self, notice: Notice | None) -> None:
+        if notice is not None:
+            self._reporter.warn(notice)
+
+    def _check_fixed_camera(self, options: PoseNodeOptions) -> None:
+        """Reject the mode fixed while there is no camera."""
+        given, current = options.intrinsics, self._parameters.options
+        # After a reset there may be none already; other parameters can still be changed.
+        if options is not current and given == current.intrinsics:
+            return
+        has_camera = given.focal_px > 0.0 or self._keeper.calibrations.has_camera
+        if given.mode == FIXED and not has_camera:
             raise ConfigError(
-                'intrinsics.focal_px: expected > 0 in the mode fixed, or a calibration_file that '
-                'exists, or a calibration found before, got 0'
+                'intrinsics.focal_px: expected > 0 in mode fixed, or an existing '
+                'calibration_file, or a calibration estimated before, got 0'
             )
-
-
-def _say(node: Node, text: str) -> None:
-    node.get_logger().info(text)

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Subscriptions and publishers as all our nodes have them.
+Subscriptions, publishers, services and timers with the defaults of our nodes.
 
-Sensor data in (best effort: the newest matters), reliable out; history, depth, reliability and
-durability of each can be overridden by ROS's own parameters, such as
-``qos_overrides./image.subscription.reliability: reliable``.
+Subscriptions use the QoS of sensor data (best effort, short queue), publishers are reliable.
+ROS parameters such as ``qos_overrides./image.subscription.reliability: reliable`` override
+history, depth, reliability and durability of each.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ def subscribe(
     depth: int = _SENSOR_DEPTH,
 ) -> Subscription:
     """
-    Subscribe to a sensor's data; ``depth`` messages may wait, the oldest is dropped first.
+    Subscribe to sensor data; the queue holds ``depth`` messages and drops the oldest first.
 
     Raises
     ------
     ConfigError
-        The user overrides a policy by a value that it cannot have.
+        A QoS override has an invalid value.
 
     """
-    # Overrides are written into the profile: each endpoint needs one of its own.
+    # rclpy writes the overrides into the profile, so each endpoint needs its own.
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
     overrides = overridable(node, topic, SUBSCRIPTION)
     return node.create_subscription(
@@ -57,12 +57,12 @@ def advertise(
     node: Node, message_type: type[Any], topic: str, *, latched: bool = False
 ) -> Publisher:
     """
-    Make a reliable publisher; a latched one tells its last message to whoever comes late.
+    Create a reliable publisher; late subscribers of a latched one receive its last message.
 
     Raises
     ------
     ConfigError
-        The user overrides a policy by a value that it cannot have.
+        A QoS override has an invalid value.
 
     """
     qos = QoSProfile(depth=_OUTPUT_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
@@ -72,25 +72,28 @@ def advertise(
     return node.create_publisher(message_type, topic, qos, qos_overriding_options=overrides)
 
 
-def is_heard(*publishers: Publisher) -> bool:
-    """Return whether anybody subscribes to any of them."""
+def has_subscribers(*publishers: Publisher) -> bool:
+    """Return whether any of the publishers has a subscriber."""
     return any(publisher.get_subscription_count() > 0 for publisher in publishers)
 
 
-def is_awaited(publisher: Publisher) -> bool:
-    """Return whether anybody hears a message now, or may ask for the last one later."""
-    is_latched = publisher.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL
-    return is_latched or is_heard(publisher)
+def is_awaited(*publishers: Publisher) -> bool:
+    """Return whether any of the publishers has a subscriber, or is latched for later ones."""
+    return any(
+        publisher.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL
+        or publisher.get_subscription_count() > 0
+        for publisher in publishers
+    )
 
 
 class Endpoints:
     """
-    What a node makes to talk to others, and takes down again as a whole.
+    Creates endpoints of a node, and destroys them together.
 
     Parameters
     ----------
     node
-        Whose they are.
+        The node of the endpoints.
 
     """
 
@@ -101,57 +104,58 @@ class Endpoints:
     def subscribe(
         self, message_type: type[Any], topic: str, callback: Callable[[Any], None]
     ) -> None:
-        """Subscribe to a sensor's data."""
-        made = subscribe(self._node, message_type, topic, callback)
-        self._destroyers.append(lambda: self._node.destroy_subscription(made))
+        """Subscribe to sensor data."""
+        subscription = subscribe(self._node, message_type, topic, callback)
+        self._destroyers.append(lambda: self._node.destroy_subscription(subscription))
 
     def advertise(
         self, message_type: type[Any], topic: str, *, latched: bool = False
     ) -> Publisher:
-        """Make a reliable publisher."""
-        made = advertise(self._node, message_type, topic, latched=latched)
-        self._destroyers.append(lambda: self._node.destroy_publisher(made))
-        return made
+        """Create a reliable publisher."""
+        publisher = advertise(self._node, message_type, topic, latched=latched)
+        self._destroyers.append(lambda: self._node.destroy_publisher(publisher))
+        return publisher
 
     def serve(
         self, service_type: type[Any], name: str, callback: Callable[[Any, Any], Any]
     ) -> None:
         """Offer a service."""
-        made = self._node.create_service(service_type, name, callback)
-        self._destroyers.append(lambda: self._node.destroy_service(made))
+        service = self._node.create_service(service_type, name, callback)
+        self._destroyers.append(lambda: self._node.destroy_service(service))
 
     def client(self, service_type: type[Any], name: str, *, parameter: str) -> Client:
         """
-        Make the client of somebody's service.
+        Create the client of a service.
 
         Raises
         ------
         ConfigError
-            No service can have that name: names the node, and the parameter that says it.
+            The name is not a valid service name; the message names the node and the parameter
+            that holds it.
 
         """
         try:
-            made = self._node.create_client(service_type, name)
+            client = self._node.create_client(service_type, name)
         except (NameValidationException, ValueError) as error:  # an unknown {substitution}
             why = str(error).splitlines()[0].removeprefix('Invalid service name: ')
             raise ConfigError(
                 f'{self._node.get_name()}: {parameter}: expected the name of a service, '
                 f'got {name!r}: {why.rstrip(":")}'
             ) from None
-        self._destroyers.append(lambda: self._node.destroy_client(made))
-        return made
+        self._destroyers.append(lambda: self._node.destroy_client(client))
+        return client
 
     def every(self, period_s: float, callback: Callable[[], None]) -> None:
-        """Call something again and again, also while simulated time stands still."""
+        """Create a timer on the steady clock, which is independent of simulated time."""
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        made = self._node.create_timer(period_s, callback, clock=steady)
-        self._destroyers.append(lambda: self._node.destroy_timer(made))
+        timer = self._node.create_timer(period_s, callback, clock=steady)
+        self._destroyers.append(lambda: self._node.destroy_timer(timer))
 
-    def add(self, destroy: Callable[[], object]) -> None:
-        """Take along something that was made elsewhere: ``destroy`` takes it down."""
-        self._destroyers.append(destroy)
+    def add_publisher(self, publisher: Publisher) -> None:
+        """Destroy a publisher that was created elsewhere with the others."""
+        self._destroyers.append(lambda: self._node.destroy_publisher(publisher))
 
     def close(self) -> None:
-        """Take all of them down, the last one first."""
+        """Destroy all endpoints, the last one first."""
         while self._destroyers:
             self._destroyers.pop()()

@@ -2,22 +2,23 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-ROS's parameters ``qos_overrides.<topic>.<kind>.<policy>``, as our endpoints take them.
+Parameters given when a node starts: unknown names, and QoS overrides.
 
-ROS takes them at their word: of a value that is none it raises errors of many kinds, and one for
-a topic that a node does not have it passes over.
+ROS itself does not validate ``qos_overrides.<topic>.<kind>.<policy>``: an invalid value raises
+one of many exceptions, and an override for a topic that the node does not have is ignored.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable, Mapping
+from difflib import get_close_matches
 from typing import Any
 
 from p4pfr_ros.files.yaml_fields import ConfigError
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSPolicyKind, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
-
-from ..parameters.declare import given_parameters, warn_of_unknown
 
 SUBSCRIPTION, PUBLISHER = 'subscription', 'publisher'
 
@@ -26,11 +27,34 @@ _CHOICES = {
     QoSPolicyKind.RELIABILITY: ReliabilityPolicy,
     QoSPolicyKind.DURABILITY: DurabilityPolicy,
 }
-_MAX_DEPTH = 2**31 - 1  # what DDS counts in; 0 leaves the choice to it
+_MAX_DEPTH = 2**31 - 1  # DDS counts in int32; 0 means the default of the middleware
 
 _PREFIX = 'qos_overrides'
-# Of a subscription that ROS makes only where time is simulated.
-_OF_ROS = f'{_PREFIX}./clock.'
+# ROS creates this subscription only if use_sim_time is set.
+_CLOCK = f'{_PREFIX}./clock.'
+
+
+def given_parameters(node: Node) -> Mapping[str, Parameter]:
+    """Return the parameters that a node was given at its start, declared or not, by name."""
+    # rclpy has no public access to them.
+    given: Mapping[str, Parameter] = getattr(node, '_parameter_overrides', {})
+    return given
+
+
+def warn_of_unknown(node: Node, given: Iterable[str], known: Collection[str]) -> None:
+    """Log a warning for each given name that is not known; most often it is misspelt."""
+    for name in given:
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            hint = f' (did you mean {near[0]}?)' if near else ''
+            node.get_logger().warning(f'unknown parameter {name} is ignored{hint}')
+
+
+def warn_of_unknown_overrides(node: Node) -> None:
+    """Log a warning for each QoS override that no endpoint of the node uses."""
+    given = [name for name in given_parameters(node) if name.startswith(f'{_PREFIX}.')]
+    known = [f'{_PREFIX}.{name}' for name in node.get_parameters_by_prefix(_PREFIX)]
+    warn_of_unknown(node, [name for name in given if not name.startswith(_CLOCK)], known)
 
 
 def overridable(node: Node, topic: str, kind: str) -> QoSOverridingOptions:
@@ -40,16 +64,16 @@ def overridable(node: Node, topic: str, kind: str) -> QoSOverridingOptions:
     Parameters
     ----------
     node
-        Whose endpoint it is.
+        The node of the endpoint.
     topic
-        As the endpoint is made with.
+        The topic name that the endpoint is created with.
     kind
         ``SUBSCRIPTION`` or ``PUBLISHER``.
 
     Raises
     ------
     ConfigError
-        An override is none of what its policy can be: names node, parameter and what was expected.
+        The value of an override is invalid; the message names node, parameter and valid values.
 
     """
     given = given_parameters(node)
@@ -62,19 +86,12 @@ def overridable(node: Node, topic: str, kind: str) -> QoSOverridingOptions:
     return QoSOverridingOptions((QoSPolicyKind.DEPTH, *_CHOICES))
 
 
-def warn_of_unknown_overrides(node: Node) -> None:
-    """Say which overrides were given for no endpoint that the node has: misspelt, most likely."""
-    given = [name for name in given_parameters(node) if name.startswith(f'{_PREFIX}.')]
-    known = [f'{_PREFIX}.{name}' for name in node.get_parameters_by_prefix(_PREFIX)]
-    warn_of_unknown(node, [name for name in given if not name.startswith(_OF_ROS)], known)
-
-
 def _expected(policy: QoSPolicyKind, value: Any) -> str:
-    """Return what a policy can be, in words; nothing where the value is such a one."""
+    """Return the valid values of a policy as text; an empty text if the value is valid."""
     if policy is QoSPolicyKind.DEPTH:
         is_count = isinstance(value, int) and not isinstance(value, bool)
-        good = is_count and 0 <= value <= _MAX_DEPTH
-        return '' if good else f'an integer from 0 to {_MAX_DEPTH}'
+        valid = is_count and 0 <= value <= _MAX_DEPTH
+        return '' if valid else f'an integer from 0 to {_MAX_DEPTH}'
     names = [choice.name.lower() for choice in _CHOICES[policy] if choice.name != 'UNKNOWN']
-    good = isinstance(value, str) and value.lower() in names
-    return '' if good else f'one of {", ".join(names)}'
+    valid = isinstance(value, str) and value.lower() in names
+    return '' if valid else f'one of {", ".join(names)}'

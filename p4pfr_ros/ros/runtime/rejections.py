@@ -1,14 +1,16 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages without an answer: counted by cause, and said without flooding the log."""
+"""Rejected messages and warnings: counted by cause, and logged without flooding the log."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
 import time
+from typing import Any
+
+from rclpy.logging import LoggingSeverity
 
 _PERIOD_S = 5.0
 
@@ -16,14 +18,14 @@ _PERIOD_S = 5.0
 @dataclass(frozen=True, slots=True)
 class Rejected:
     """
-    Why a message has no answer.
+    Why a message, or a part of it, is not processed.
 
     Parameters
     ----------
     cause
-        A short name to count under, such as 'point_count'.
+        A short name to count by, such as 'point_count'.
     reason
-        A sentence for humans that says what was expected and what came.
+        A sentence for people: what was expected, and what came.
 
     """
 
@@ -31,29 +33,52 @@ class Rejected:
     reason: str
 
 
-class Rejections:
+@dataclass(frozen=True, slots=True)
+class Notice:
     """
-    Counts rejected messages by cause and says each cause at once, then at most every 5 s.
+    A warning about a message that is processed.
 
     Parameters
     ----------
-    say
-        What takes a line for humans: a function that calls the node's logger. (Not the logger's
-        own method: to rclpy, the place that a message comes from has one severity for good, and
-        it would take the place for the one in here.)
+    cause
+        A short name to count by, such as 'frame_id'.
+    reason
+        A sentence for people.
 
     """
 
-    def __init__(self, say: Callable[[str], object]) -> None:
-        self.counts: Counter[str] = Counter()
-        self._say = say
-        self._said_s: dict[str, float] = {}
+    cause: str
+    reason: str
 
-    def add(self, rejected: Rejected) -> None:
-        """Count one message, and say why it was rejected when it is time to."""
-        self.counts[rejected.cause] += 1
+
+class CauseLog:
+    """
+    Counts events by cause and logs each cause at once, then at most every 5 s.
+
+    Parameters
+    ----------
+    logger
+        The node's logger.
+    severity
+        WARN or INFO.
+
+    """
+
+    def __init__(self, logger: Any, severity: LoggingSeverity = LoggingSeverity.WARN) -> None:
+        self.counts: Counter[str] = Counter()
+        self._logger, self._severity = logger, severity
+        self._logged_s: dict[str, float] = {}
+
+    def add(self, event: Rejected | Notice) -> None:
+        """Count an event, and log it unless its cause was logged less than 5 s ago."""
+        self.counts[event.cause] += 1
         now_s = time.monotonic()
-        if now_s - self._said_s.get(rejected.cause, -_PERIOD_S) >= _PERIOD_S:
-            self._said_s[rejected.cause] = now_s
-            count = self.counts[rejected.cause]
-            self._say(f'{rejected.reason} [{rejected.cause}: {count} so far]')
+        if now_s - self._logged_s.get(event.cause, -_PERIOD_S) < _PERIOD_S:
+            return
+        self._logged_s[event.cause] = now_s
+        text = f'{event.reason} [{event.cause}: {self.counts[event.cause]} so far]'
+        # rclpy binds a severity to the source line of the call: one line for each severity.
+        if self._severity is LoggingSeverity.INFO:
+            self._logger.info(text)
+        else:
+            self._logger.warning(text)

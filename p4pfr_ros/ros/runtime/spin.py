@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The life of a node's process, from the command line to a clean end."""
+"""Runs a node as a process, from the command line to a clean exit."""
 
 from __future__ import annotations
 
@@ -17,19 +17,18 @@ from rclpy.node import Node
 
 from .overrides import warn_of_unknown_overrides
 
-# After which a signal that came at a bad moment is tried again.
-_AGAIN_S = 0.02
+# Delay before a signal that could not be handled is retried.
+_RETRY_S = 0.02
 
 
 def run(
     make_node: Callable[[], Node], args: Sequence[str] | None = None, *, complete: bool = True
 ) -> None:
     """
-    Make a node and spin it until SIGINT or SIGTERM, which are a clean end: exit status 0.
+    Create a node and spin it until SIGINT or SIGTERM, which exit with status 0.
 
-    What the user has configured wrongly (``ConfigError``) is said in one line: exit status 1.
-    A node that is ``complete`` has all its endpoints when it is made, so overrides of other ones
-    are warned of.
+    A ``ConfigError`` is printed as one line; the exit status is 1. A ``complete`` node has all
+    its endpoints when it is created, so QoS overrides of other endpoints are warned of.
     """
     interrupt = _Interrupt()
     node: Node | None = None
@@ -46,13 +45,13 @@ def run(
     except ConfigError as error:
         raise SystemExit(f'{error}') from None
     except Exception:
-        # A signal also closes ROS under whatever is being done with it.
-        if not interrupt.came:
+        # A signal also shuts ROS down, which makes calls in progress fail.
+        if not interrupt.received:
             raise
     finally:
         if node is not None:
             node.destroy_node()
-        # rclpy's handler of the signal may be shutting down this very moment.
+        # rclpy's own signal handler may be shutting down at the same time.
         with suppress(RuntimeError):
             rclpy.try_shutdown()
 
@@ -60,7 +59,7 @@ def run(
 def _init(args: Sequence[str] | None) -> None:
     try:
         rclpy.init(args=args)
-    except Exception as error:  # rclpy's own class for it is not public
+    except Exception as error:  # the class of rclpy's exception is not public
         raise ConfigError(f'ROS arguments: {" ".join(str(error).split())}') from None
 
 
@@ -68,20 +67,21 @@ class _Interrupt:
     """
     Handles SIGINT and SIGTERM: inside its ``with`` block they raise SystemExit.
 
-    rclpy's own handlers, which come with init(), wake up whoever waits and shut ROS down, and
-    then call this one. Without the exception the executor could go back to waiting between
-    those two, for ever; and a node in the making may be compiling its kernels, which takes longer
-    than a launch file waits. Starting and shutting down ROS themselves are not interrupted.
+    rclpy's own handlers, installed by init(), wake up the executor, shut ROS down and then call
+    this one. Without the exception the executor could start to wait again between wake-up and
+    shutdown, and never return. Also, a node that is being created may be compiling its kernels,
+    which takes longer than a launch file waits before it kills the process. Start and shutdown
+    of ROS itself are not interrupted.
     """
 
     def __init__(self) -> None:
-        self.came = False
+        self.received = False
         self._raises = False
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
             signal.signal(number, self._handle)
 
     def __enter__(self) -> None:
-        if self.came:
+        if self.received:
             raise SystemExit
         self._raises = True
 
@@ -90,19 +90,19 @@ class _Interrupt:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     def _handle(self, _: int, frame: FrameType | None) -> None:
-        self.came = True
+        self.received = True
         if not self._raises:
             return
         if _in_compiler(frame):
-            signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+            signal.setitimer(signal.ITIMER_REAL, _RETRY_S)
             return
-        # Not KeyboardInterrupt: Python remembers one that has passed through exec(), as there is
-        # in Numba, and ends with the status of a killed process though it was caught.
+        # Not KeyboardInterrupt: if one passes through exec(), which Numba uses, Python exits with
+        # the status of a killed process even though the exception was caught.
         raise SystemExit
 
 
 def _in_compiler(frame: FrameType | None) -> bool:
-    """Return whether LLVM is at work: in its callbacks an exception is printed and lost."""
+    """Return whether LLVM is running: an exception in one of its callbacks is printed and lost."""
     while frame is not None:
         if frame.f_globals.get('__name__', '').startswith('llvmlite.'):
             return True
