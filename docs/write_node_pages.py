@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Write the tables on the nodes' pages anew, from the nodes themselves.
+Generate the tables on the pages of the nodes from the nodes themselves.
 
     python docs/write_node_pages.py [--check]
 
-What stands between ``<!-- made: NAME -->`` and ``<!-- end of NAME -->`` is made here, and all else
-on a page is written by hand and kept.
+Only the text between ``<!-- generated: NAME -->`` and ``<!-- end: NAME -->`` is replaced.
 """
 
 from __future__ import annotations
@@ -20,46 +19,46 @@ import re
 
 DOCS = Path(__file__).parent
 
-_PART = re.compile(r'<!-- made: (\w+) -->\n.*?<!-- end of \1 -->', re.DOTALL)
+_PART = re.compile(r'<!-- generated: (\w+) -->\n.*?<!-- end: \1 -->', re.DOTALL)
 
 
 def main() -> None:
-    """Write the pages; with --check, fail where one is not as it would be written."""
+    """Write the pages; with --check, fail if a page is not up to date."""
     parser = argparse.ArgumentParser(description=__doc__.strip().split('\n\n')[0])
-    parser.add_argument('--check', action='store_true', help='write nothing, compare')
+    parser.add_argument('--check', action='store_true', help='only compare, write nothing')
     check = parser.parse_args().check
-    stale = {path: text for path, text in _written().items() if path.read_text() != text}
+    stale = {path: text for path, text in _generated().items() if path.read_text() != text}
     if check and stale:
         names = ', '.join(path.name for path in stale)
-        raise SystemExit(
-            f'not in step with the code: {names}; python docs/write_node_pages.py writes anew'
-        )
+        raise SystemExit(f'not up to date: {names}; run python docs/write_node_pages.py')
     for path, text in stale.items():
         path.write_text(text)
 
 
 def filled(text: str, parts: Mapping[str, str]) -> str:
     """
-    Return a page with its made parts replaced.
+    Return a page with its generated parts replaced.
 
     Raises
     ------
     ValueError
-        The page has not each of the parts exactly once.
+        The page does not have each of the parts exactly once.
 
     """
     names = [match[1] for match in _PART.finditer(text)]
     if sorted(names) != sorted(parts):
         raise ValueError(f'expected the parts {", ".join(parts)}, got {", ".join(names)}')
     return _PART.sub(
-        lambda part: f'<!-- made: {part[1]} -->\n\n{parts[part[1]]}\n\n<!-- end of {part[1]} -->',
+        lambda part: (
+            f'<!-- generated: {part[1]} -->\n\n{parts[part[1]]}\n\n<!-- end: {part[1]} -->'
+        ),
         text,
     )
 
 
-def _written() -> dict[Path, str]:
-    """Return each page as it should be."""
-    # Nothing is computed here that would be worth compiling; to be said before Numba is loaded.
+def _generated() -> dict[Path, str]:
+    """Return each page with its current tables."""
+    # Nothing here is worth compiling; must be set before Numba is imported.
     os.environ['NUMBA_DISABLE_JIT'] = '1'
     from node_pages import PAGES
 

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The made parts of the pages on our nodes: which node has which."""
+"""The generated parts of the pages of our nodes."""
 
 from __future__ import annotations
 
@@ -11,57 +11,54 @@ from pathlib import Path
 from p4pfr_ros.ros.camera_simulator import CameraSimulator
 from p4pfr_ros.ros.detector_node import DetectorNode
 from p4pfr_ros.ros.lifecycle_pose_node import LifecyclePoseNode
-from p4pfr_ros.ros.parameters.image_node_options import (
-    CameraSimulatorOptions,
-    DetectorNodeOptions,
-    PoseNodeOptions,
-)
+from p4pfr_ros.ros.parameters.image_node_options import CameraSimulatorOptions, DetectorNodeOptions
+from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
 from p4pfr_ros.ros.pose_node import PoseNode
 
-from .interfaces import endpoints_of
-from .tables import interface, parameters
-from .words import (
+from .descriptions import (
     CAMERA_SIMULATOR,
     DETECTOR_NODE,
     LIFECYCLE_POSE_NODE,
     OPTIONAL_OF_POSE_NODE,
     POSE_NODE,
 )
+from .interfaces import endpoints_of
+from .tables import interface, parameters
 
 BOARD = Path(__file__).parents[2] / 'config' / 'boards' / 'chessboard_9x6_25mm.yaml'
 
 
 def pose_node() -> dict[str, str]:
-    """Return the parts of the page on pose_node, by name."""
+    """Return the generated parts of the page of pose_node, by name."""
     given = {'board_file': str(BOARD), 'set_camera_info_service': 'set_camera_info'}
-    found = endpoints_of(PoseNode, given)
+    endpoints = endpoints_of(PoseNode, given)
     managed = endpoints_of(_active_pose_node, given)
-    assert found <= managed, f'only pose_node has {found - managed}'
-    there = {endpoint.name for endpoint in found}
-    found |= {optional for optional in OPTIONAL_OF_POSE_NODE if optional.name not in there}
+    assert endpoints <= managed, f'only pose_node has {endpoints - managed}'
+    names = {endpoint.name for endpoint in endpoints}
+    endpoints |= {optional for optional in OPTIONAL_OF_POSE_NODE if optional.name not in names}
     return {
-        'interface': interface('pose_node', found, POSE_NODE),
-        'lifecycle': interface('lifecycle_pose_node', managed - found, LIFECYCLE_POSE_NODE),
+        'interface': interface('pose_node', endpoints, POSE_NODE),
+        'lifecycle': interface('lifecycle_pose_node', managed - endpoints, LIFECYCLE_POSE_NODE),
         'parameters': parameters(PoseNodeOptions()),
     }
 
 
 def detector_node() -> dict[str, str]:
-    """Return the parts of the page on detector_node, by name."""
+    """Return the generated parts of the page of detector_node, by name."""
     given = {'board_file': str(BOARD)}
-    found = endpoints_of(DetectorNode, given)
-    found |= endpoints_of(DetectorNode, {**given, 'image.transport': 'compressed'})
+    endpoints = endpoints_of(DetectorNode, given)
+    endpoints |= endpoints_of(DetectorNode, {**given, 'image.transport': 'compressed'})
     return {
-        'interface': interface('detector_node', found, DETECTOR_NODE),
+        'interface': interface('detector_node', endpoints, DETECTOR_NODE),
         'parameters': parameters(DetectorNodeOptions()),
     }
 
 
 def camera_simulator() -> dict[str, str]:
-    """Return the parts of the page on camera_simulator, by name."""
-    found = endpoints_of(CameraSimulator, {'board_file': str(BOARD)})
+    """Return the generated parts of the page of camera_simulator, by name."""
+    endpoints = endpoints_of(CameraSimulator, {'board_file': str(BOARD)})
     return {
-        'interface': interface('camera_simulator', found, CAMERA_SIMULATOR),
+        'interface': interface('camera_simulator', endpoints, CAMERA_SIMULATOR),
         'parameters': parameters(CameraSimulatorOptions()),
     }
 

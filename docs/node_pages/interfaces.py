@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a node really has: topics and services of a live one, with the types and QoS it made."""
+"""Topics and services of a running node, with their types and QoS."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import enum
 import os
 
-import p4pfr_ros.ros  # noqa: F401  (names the ament index)
+import p4pfr_ros.ros  # noqa: F401  (sets AMENT_PREFIX_PATH)
 import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -20,7 +20,7 @@ _NAMESPACE = '/here'
 
 
 class Role(enum.Enum):
-    """What an endpoint is to its node."""
+    """The role of an endpoint for its node."""
 
     IN = enum.auto()
     OUT = enum.auto()
@@ -36,13 +36,13 @@ class Endpoint:
     Parameters
     ----------
     role
-        What it is to the node.
+        Its role for the node.
     name
-        As it is before remapping: ``name``, ``~/name`` or ``/name``.
+        The name before remapping: ``name``, ``~/name`` or ``/name``.
     type
         Such as sensor_msgs/Image.
     qos
-        In words; of a service there is none to choose.
+        As text; empty for services.
 
     """
 
@@ -54,9 +54,9 @@ class Endpoint:
 
 def endpoints_of(make_node: Callable[[], Node], parameters: Mapping[str, str]) -> set[Endpoint]:
     """
-    Make a node, and list what it has made beyond what every node of rclpy has.
+    Create a node and list its endpoints, except those of every rclpy node.
 
-    Nobody else hears of it: it does not look beyond this process.
+    Discovery is off, so that other nodes do not interfere.
     """
     with _ros(parameters):
         bare, node = Node('bare'), make_node()
@@ -80,7 +80,7 @@ def _ros(parameters: Mapping[str, str]) -> Iterator[None]:
 
 
 def _all_of(node: Node) -> set[Endpoint]:
-    """List what the graph knows of a node; the depth of a queue is known to its owner alone."""
+    """List the endpoints of a node in the graph; the depth of a queue comes from the node."""
     name, namespace = node.get_name(), node.get_namespace()
     ours = {end.topic_name: end.qos_profile for end in (*node.publishers, *node.subscriptions)}
     topics = (
@@ -95,19 +95,21 @@ def _all_of(node: Node) -> set[Endpoint]:
         (Role.SERVICE, node.get_service_names_and_types_by_node),
         (Role.CLIENT, node.get_client_names_and_types_by_node),
     )
-    found = set()
+    endpoints = set()
     for role, listing, infos in topics:
         for topic, types in listing(name, namespace):
             qos = ours.get(topic) or infos(topic)[0].qos_profile
-            found.add(Endpoint(role, _unresolved(topic, node), _short(types[0]), _in_words(qos)))
+            endpoints.add(
+                Endpoint(role, _unresolved(topic, node), _short(types[0]), _qos_text(qos))
+            )
     for role, listing in services:
         for service, types in listing(name, namespace):
-            found.add(Endpoint(role, _unresolved(service, node), _short(types[0])))
-    return found
+            endpoints.add(Endpoint(role, _unresolved(service, node), _short(types[0])))
+    return endpoints
 
 
 def _unresolved(name: str, node: Node) -> str:
-    """Write a resolved name as the code of its node has it."""
+    """Return the name in the code of the node for a resolved name."""
     own = f'{node.get_fully_qualified_name()}/'
     if name.startswith(own):
         return '~/' + name.removeprefix(own)
@@ -119,7 +121,7 @@ def _short(type_name: str) -> str:
     return f'{package}/{name}'
 
 
-def _in_words(qos: QoSProfile) -> str:
+def _qos_text(qos: QoSProfile) -> str:
     reliable = qos.reliability is ReliabilityPolicy.RELIABLE
     words = ['reliable' if reliable else 'best effort']
     if qos.depth > 0:

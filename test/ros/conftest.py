@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Real nodes as processes, and a peer that talks to them over DDS.
+Real nodes as processes, and a peer that communicates with them over DDS.
 
-Every test module gets a namespace of its own, so nothing that runs at the same time can be
-mistaken for it. Nothing sleeps for luck: a peer spins until a condition holds.
+Each peer has its own namespace, so that tests running at the same time do not interfere. There
+are no fixed sleeps: a peer spins until a condition holds.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import warnings
 import pytest
 
 with warnings.catch_warnings():
-    # The ROS wheels' parser of message files imports a module that Python has deprecated.
+    # The parser of message files in the ROS wheels imports a deprecated module.
     warnings.simplefilter('ignore', DeprecationWarning)
     import rosidl_generator_py  # noqa: F401
 
@@ -29,12 +29,12 @@ import p4pfr_ros.ros  # noqa: F401  (names the ament index)
 import rclpy
 from rclpy.qos import QoSProfile
 
-PATIENCE_S = 40.0
-ASK_AGAIN_S = 3.0
+TIMEOUT_S = 40.0
+RETRY_S = 3.0
 
 
 class NodeProcess:
-    """One of our nodes as a process; its output is kept."""
+    """One of our nodes as a process, with its output."""
 
     def __init__(self, name, namespace, log, parameters=(), params_file=None, remaps=()):
         self.name = name
@@ -54,7 +54,7 @@ class NodeProcess:
 
     @property
     def output(self):
-        """Everything that the process has printed."""
+        """The output of the process."""
         return self._log.read_text(errors='replace')
 
     def stop(self, number=signal.SIGINT):
@@ -64,9 +64,9 @@ class NodeProcess:
         return self.wait()
 
     def wait(self):
-        """Wait for the end; return the exit status."""
+        """Wait until it exits; return the exit status."""
         try:
-            return self.process.wait(PATIENCE_S)
+            return self.process.wait(TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
@@ -74,7 +74,7 @@ class NodeProcess:
 
 
 class Peer:
-    """The other side of the conversation: publishes, listens, waits."""
+    """A node in this process that publishes, subscribes, calls services and starts other nodes."""
 
     def __init__(self, namespace, folder):
         self.namespace = namespace
@@ -83,7 +83,7 @@ class Peer:
         self._folder = folder
 
     def start(self, name, **options):
-        """Start a node in our namespace and wait until it says that it is ready."""
+        """Start a node in our namespace and wait until it logs that it is ready."""
         log = self._folder / f'{name}_{len(self.processes)}.log'
         process = NodeProcess(name, self.namespace, log, **options)
         self.processes.append(process)
@@ -92,53 +92,56 @@ class Peer:
         return process
 
     def publisher(self, message_type, topic, depth=50):
-        """Make a reliable publisher."""
+        """Create a reliable publisher."""
         return self.node.create_publisher(message_type, topic, QoSProfile(depth=depth))
 
-    def listen(self, message_type, topic, depth=50):
-        """Return a list that fills itself with the messages of a topic."""
-        heard = []
-        self.node.create_subscription(message_type, topic, heard.append, QoSProfile(depth=depth))
-        return heard
+    def subscribe(self, message_type, topic, depth=50):
+        """Subscribe; return the list that receives the messages."""
+        received = []
+        self.node.create_subscription(
+            message_type, topic, received.append, QoSProfile(depth=depth)
+        )
+        return received
 
     def call(self, service_type, name, **request):
-        """Ask a service, again if need be; return its answer."""
+        """Call a service, repeatedly if needed; return its response."""
         client = self.node.create_client(service_type, name)
-        answers, asks_s = [], [0.0]
+        futures, called_s = [], [0.0]
 
-        def ask():
-            # It can be seen before it sees its client, and then its answer is lost.
-            if client.service_is_ready() and time.monotonic() > asks_s[-1] + ASK_AGAIN_S:
-                answers.append(client.call_async(service_type.Request(**request)))
-                asks_s.append(time.monotonic())
+        def call():
+            # A service may be discovered before it has discovered its client; then the response
+            # is lost.
+            if client.service_is_ready() and time.monotonic() > called_s[-1] + RETRY_S:
+                futures.append(client.call_async(service_type.Request(**request)))
+                called_s.append(time.monotonic())
 
-        self.until(lambda: any(answer.done() for answer in answers), meanwhile=ask)
+        self.until(lambda: any(future.done() for future in futures), meanwhile=call)
         self.node.destroy_client(client)
-        return next(answer.result() for answer in answers if answer.done())
+        return next(future.result() for future in futures if future.done())
 
-    def until(self, condition, patience_s=PATIENCE_S, meanwhile=None, every_s=0.1):
-        """Spin until a condition holds, calling ``meanwhile`` now and then."""
-        ends_s = time.monotonic() + patience_s
+    def until(self, condition, timeout_s=TIMEOUT_S, meanwhile=None, every_s=0.1):
+        """Spin until a condition holds, calling ``meanwhile`` periodically."""
+        ends_s = time.monotonic() + timeout_s
         next_s = 0.0
         while not condition():
-            assert time.monotonic() < ends_s, 'waited in vain\n' + self.outputs()
+            assert time.monotonic() < ends_s, 'timeout\n' + self.outputs()
             if meanwhile is not None and time.monotonic() >= next_s:
                 next_s = time.monotonic() + every_s
                 meanwhile()
             rclpy.spin_once(self.node, timeout_sec=0.02)
 
-    def quiet(self, seconds=0.3):
-        """Spin for a while: what should not come has had the time to."""
+    def spin_for(self, seconds=0.3):
+        """Spin for a time, so that an unexpected message would arrive."""
         ends_s = time.monotonic() + seconds
         while time.monotonic() < ends_s:
             rclpy.spin_once(self.node, timeout_sec=0.02)
 
     def outputs(self):
-        """Return what all our processes have printed."""
+        """Return the output of all our processes."""
         return '\n'.join(f'--- {p.name}\n{p.output}' for p in self.processes)
 
     def close(self):
-        """Status our processes, one by one."""
+        """Stop our processes, one by one."""
         for process in self.processes:
             process.stop()
         self.node.destroy_node()
@@ -146,7 +149,7 @@ class Peer:
 
 @pytest.fixture(scope='session')
 def dds():
-    """Make ROS live in this process."""
+    """Initialise ROS in this process."""
     rclpy.init()
     yield
     rclpy.try_shutdown()
@@ -160,7 +163,7 @@ def _peer(request, tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def module_peer(request, dds, tmp_path_factory):
-    """One peer, and what it started, for all tests of a module."""
+    """One peer and its processes for all tests of a module."""
     peer = _peer(request, tmp_path_factory)
     yield peer
     peer.close()
@@ -168,7 +171,7 @@ def module_peer(request, dds, tmp_path_factory):
 
 @pytest.fixture
 def peer(request, dds, tmp_path_factory):
-    """One peer, and what it started, for one test."""
+    """One peer and its processes for one test."""
     peer = _peer(request, tmp_path_factory)
     yield peer
     peer.close()

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What happens to messages, told to Health; and what it makes of them."""
+"""Events for Health, and the status that it derives from them."""
 
 from dataclasses import replace
 
@@ -10,28 +10,29 @@ from p4pfr_ros import estimate_pose, Observability
 from p4pfr_ros.ros.runtime.rejections import Rejected
 import scenes
 
-SEEN = scenes.seen(scenes.GRID) + np.random.default_rng(3).normal(0.0, 0.2, scenes.GRID.shape)
-SEEN[7] += 30.0
-GOOD = estimate_pose(SEEN, scenes.GRID, image_size=scenes.SIZE)
+_NOISE_PX = np.random.default_rng(3).normal(0.0, 0.2, scenes.GRID.shape)
+IMAGE_POINTS = scenes.project(scenes.GRID) + _NOISE_PX
+IMAGE_POINTS[7] += 30.0
+GOOD = estimate_pose(IMAGE_POINTS, scenes.GRID, image_size=scenes.SIZE)
 AMBIGUOUS = replace(GOOD, alternatives=(GOOD.model,))
-UNSEEN = replace(GOOD, observable=Observability(direction=True))
-NO_SIZE = Rejected('no_image_size', 'the size of the picture is not known')
-BROKEN = Rejected('fields', 'expected other fields')
+UNDETERMINED = replace(GOOD, observable=Observability(direction=True))
+NO_SIZE = Rejected('no_image_size', 'unknown image size')
+BAD_FIELDS = Rejected('fields', 'expected other fields')
 
 
-def answer(health, now_s, estimate=GOOD, latency_s=0.001):
-    """Let a message come and be answered."""
+def estimate(health, now_s, result=GOOD, latency_s=0.001):
+    """Record a message with points and its estimate."""
     health.received(now_s)
-    health.answered(now_s, estimate, latency_s, 0.02)
+    health.estimated(now_s, result, latency_s, 0.02)
 
 
 def reject(health, now_s, rejected):
-    """Let a message come and be rejected."""
+    """Record a message with points and its rejection."""
     health.received(now_s)
     health.rejected(now_s, rejected)
 
 
-def head(health, now_s):
-    """Return level and message."""
+def level_and_message(health, now_s):
+    """Return level and message of the status."""
     status = health.status(now_s)
     return status.level, status.message

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages that nobody should send, the same for the same seed."""
+"""Invalid messages; the same seed gives the same messages."""
 
 from array import array
 import struct
@@ -19,10 +19,10 @@ _FORMATS = {1: 'b', 2: 'B', 3: 'h', 4: 'H', 5: 'i', 6: 'I', 7: 'f', 8: 'd'}
 
 
 def fuzzed_cloud(rng, header):
-    """Make a good cloud of a board's 30 points, and then one to four random changes to it."""
-    image, count = scenes.seen(scenes.GRID), len(scenes.GRID)
+    """Make a valid cloud of the 30 board points and apply one to four random changes."""
+    image_points, count = scenes.project(scenes.GRID), len(scenes.GRID)
     board = None if rng.integers(2) else 0
-    msg = cloud_msg(header, image, scenes.GRID, np.arange(count), board)
+    msg = cloud_msg(header, image_points, scenes.GRID, np.arange(count), board)
     changes = [_shape, _field_numbers, _field_names, _data, _bytes, _flags]
     for _ in range(rng.integers(1, 5)):
         changes[rng.integers(len(changes))](rng, msg)
@@ -35,7 +35,7 @@ _MODELS = ['plumb_bob', 'rational_polynomial', 'equidistant', 'division', 'fishe
 
 
 def fuzzed_camera_info(rng):
-    """Make a camera_info, half of them calibrated, with up to four random changes."""
+    """Make a camera_info with up to four random changes; every second one is calibrated."""
     msg = scenes.camera_info()
     numbers = [(msg, name) for name in ('width', 'height', 'binning_x', 'binning_y')]
     numbers += [(msg.roi, name) for name in ('x_offset', 'y_offset', 'width', 'height')]
@@ -53,17 +53,17 @@ def fuzzed_camera_info(rng):
 
 
 def fuzzed_polygon(rng, second):
-    """Make the corners of a marker: noisy, permuted, on a line, in a point, or not four."""
-    seen = scenes.seen(scenes.ARUCO)
+    """Make corners of a marker: noisy, permuted, collinear, coincident, or not four."""
+    good = scenes.project(scenes.ARUCO)
     corners = [
-        seen + rng.normal(0.0, rng.choice([0.3, 30.0]), (4, 2)),
-        rng.permutation(seen),
-        seen[0] + np.outer(np.arange(4), [30.0, 20.0]),
-        np.repeat(seen[:1], 4, axis=0) + 1e-3 * rng.integers(2) * rng.normal(size=(4, 2)),
-        seen[[0, 0, 2, 3]],
+        good + rng.normal(0.0, rng.choice([0.3, 30.0]), (4, 2)),
+        rng.permutation(good),
+        good[0] + np.outer(np.arange(4), [30.0, 20.0]),
+        np.repeat(good[:1], 4, axis=0) + 1e-3 * rng.integers(2) * rng.normal(size=(4, 2)),
+        good[[0, 0, 2, 3]],
         rng.uniform(-5.0, 700.0, (4, 2)),
-        seen * rng.choice([1e-9, 1e9, np.nan, np.inf]),
-        np.repeat(seen, 2, axis=0)[: rng.integers(9)],
+        good * rng.choice([1e-9, 1e9, np.nan, np.inf]),
+        np.repeat(good, 2, axis=0)[: rng.integers(9)],
     ]
     return scenes.polygon(second, corners[rng.integers(len(corners))])
 
@@ -98,7 +98,7 @@ def _data(rng, msg):
 
 
 def _bytes(rng, msg):
-    """Overwrite some bytes: with all ones, which is NaN, or anything."""
+    """Overwrite some bytes with ones, which makes NaN, or with random bytes."""
     if len(msg.data):
         start = int(rng.integers(len(msg.data)))
         end = min(len(msg.data), start + int(rng.integers(1, 64)))
@@ -119,7 +119,7 @@ def _name(rng):
 
 
 def read_slowly(msg):
-    """Return the points (N, 4) u, v, board_x, board_y of a cloud, one number after the other."""
+    """Return the points (N, 4) u, v, board_x, board_y of a cloud, read number by number."""
     fields = {field.name: field for field in msg.fields}
     order = '>' if msg.is_bigendian else '<'
     data = bytes(msg.data)

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Stands in for ``launch`` and ``launch_ros``, which only a ROS installation has.
+Replaces ``launch`` and ``launch_ros``, which only a ROS installation has.
 
-As much of them as our launch files use, by the names and keywords that they have there: what
-should be started can be asked, and nothing is.
+It implements the classes that our launch files use, with their names and keywords, and lists the
+nodes instead of starting them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SHARE = '/share'
 
 
 def perform(value, configurations):
-    """Turn substitutions, or a list of them, into text."""
+    """Evaluate a substitution, or a list of them, to text."""
     if isinstance(value, (list, tuple)):
         return ''.join(perform(part, configurations) for part in value)
     return value if isinstance(value, str) else value.perform(configurations)
@@ -29,46 +29,46 @@ def perform(value, configurations):
 
 @dataclass
 class LaunchConfiguration:
-    """An argument's value."""
+    """The value of an argument."""
 
     name: str
 
     def perform(self, configurations):
-        """Return it as text."""
+        """Return the text."""
         return configurations[self.name]
 
 
 @dataclass
 class PathJoinSubstitution:
-    """Parts of a path."""
+    """A path of several parts."""
 
     parts: list[Any]
 
     def perform(self, configurations):
-        """Return it as text."""
+        """Return the text."""
         return '/'.join(perform(part, configurations) for part in self.parts)
 
 
 @dataclass
 class FindPackageShare:
-    """Where a package's files are."""
+    """The share folder of a package."""
 
     package: str
 
     def perform(self, _):
-        """Return it as text."""
+        """Return the text."""
         return f'{SHARE}/{self.package}'
 
 
 @dataclass
 class ParameterValue:
-    """A parameter whose type is not guessed."""
+    """A parameter with an explicit type."""
 
     value: Any
     value_type: type = field(kw_only=True)
 
     def perform(self, configurations):
-        """Return it as what it is to be."""
+        """Return the value with its type."""
         text = perform(self.value, configurations)
         return {'true': True, 'false': False}[text] if self.value_type is bool else text
 
@@ -82,7 +82,7 @@ class PythonLaunchDescriptionSource:
 
 @dataclass
 class IfCondition:
-    """Whether something is to be done at all."""
+    """A condition of an action."""
 
     expression: Any
 
@@ -93,14 +93,14 @@ class IfCondition:
 
 @dataclass
 class DeclareLaunchArgument:
-    """An argument; without a default it has to be given."""
+    """An argument; without a default it must be given."""
 
     name: str
     default_value: Any = field(default=None, kw_only=True)
     description: str = field(kw_only=True)
 
     def visit(self, run):
-        """Do it."""
+        """Execute the action."""
         run.declared.add(self.name)
         if self.name not in run.configurations:
             assert self.default_value is not None, f'{self.name} is missing'
@@ -109,24 +109,24 @@ class DeclareLaunchArgument:
 
 @dataclass
 class OpaqueFunction:
-    """What is only known when arguments are."""
+    """Actions that depend on the values of arguments."""
 
     function: Any = field(kw_only=True)
 
     def visit(self, run):
-        """Do it."""
+        """Execute the action."""
         run.visit_all(self.function(run.configurations))
 
 
 @dataclass
 class IncludeLaunchDescription:
-    """Another launch file; it sees our arguments, and those that it is told stay ours too."""
+    """Another launch file; its arguments are added to ours."""
 
     source: PythonLaunchDescriptionSource
     launch_arguments: Any = field(default=(), kw_only=True)
 
     def visit(self, run):
-        """Do it."""
+        """Execute the action."""
         for name, value in self.launch_arguments:
             run.configurations[name] = perform(value, run.configurations)
         run.include(perform(self.source.location, run.configurations))
@@ -134,12 +134,12 @@ class IncludeLaunchDescription:
 
 @dataclass
 class GroupAction:
-    """Actions after which the arguments are what they were."""
+    """Actions with their own scope of arguments."""
 
     actions: list[Any]
 
     def visit(self, run):
-        """Do it."""
+        """Execute the action."""
         before = dict(run.configurations)
         run.visit_all(self.actions)
         run.configurations.clear()
@@ -148,7 +148,7 @@ class GroupAction:
 
 @dataclass(kw_only=True)
 class Node:
-    """A node's process."""
+    """The process of a node."""
 
     package: str
     executable: str
@@ -160,7 +160,7 @@ class Node:
     condition: IfCondition | None = None
 
     def visit(self, run):
-        """Do it."""
+        """Execute the action."""
         now = run.configurations
         if self.condition is not None and not self.condition.evaluate(now):
             return
@@ -181,7 +181,7 @@ class Node:
 
 @dataclass
 class LaunchDescription:
-    """What a launch file describes."""
+    """The actions of a launch file."""
 
     entities: list[Any]
 
@@ -205,7 +205,7 @@ _MODULES = {
 
 
 class Run:
-    """What comes of a launch file with some arguments: ``nodes``, in order."""
+    """Executes a launch file with some arguments; lists ``nodes`` in order."""
 
     def __init__(self, path, root, **arguments):
         self.nodes = []
@@ -217,11 +217,11 @@ class Run:
         assert not unknown, f'not declared: {unknown}'
 
     def include(self, location):
-        """Read a launch file of an installed package: ours are in the tree."""
+        """Execute a launch file of our package."""
         self._read(self._root / location.removeprefix(f'{SHARE}/p4pfr_ros/'))
 
     def visit_all(self, entities):
-        """Do one after the other."""
+        """Execute actions in order."""
         for entity in entities:
             entity.visit(self)
 

@@ -1,23 +1,28 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The modes of the node without a node: views in, answers and news out."""
+"""The intrinsics modes of pose_node without a node: observations in, estimates and cameras out."""
 
 from typing import NamedTuple
 
 from p4pfr_ros import DivisionCamera, PoseEstimate
 from p4pfr_ros.ros.parameters.declare import replaced
-from p4pfr_ros.ros.parameters.image_node_options import PoseNodeOptions
-from p4pfr_ros.ros.pose.camera_source import Intrinsics
-from p4pfr_ros.ros.pose.self_calibrating import SelfCalibrating
-from p4pfr_ros.ros.runtime.rejections import Rejected
+from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
+from p4pfr_ros.ros.pose.camera_source import (
+    CalibrationBySize,
+    camera_to_publish,
+    CameraSource,
+    estimate_with,
+)
+from p4pfr_ros.ros.pose.inputs import Inputs
+from p4pfr_ros.ros.runtime.rejections import Notice, Rejected
 
-NO_CAMERA_INFO = Rejected('no_camera_info', 'none has come')
-LEARNING = 60
+# Number of views after which the camera is calibrated.
+CALIBRATING = 60
 
 
 def options(mode, **values):
-    """Return pose_node's options in a mode."""
+    """Return the options of pose_node with a mode; two underscores stand for a point."""
     named = {name.replace('__', '.'): value for name, value in values.items()}
     return replaced(PoseNodeOptions(), {'intrinsics.mode': mode} | named)
 
@@ -32,33 +37,35 @@ def fixed(camera):
 SELF_CALIBRATE, FREEZE = options('self_calibrate'), options('fixed')
 
 
-class Answered(NamedTuple):
-    """A moment's answer, and what it has brought besides."""
+class Processed(NamedTuple):
+    """The estimate of a view, the camera to publish, and the notice about a change."""
 
     estimate: PoseEstimate
     camera: DivisionCamera | None
-    remark: Rejected | None
+    notice: Notice | None
 
 
 class Modes:
-    """The modes of one node, and the camera that it finds."""
+    """The camera source of one node, and its calibrations."""
 
-    def __init__(self, loaded=None, model=NO_CAMERA_INFO):
-        self.found = SelfCalibrating(loaded)
-        self._intrinsics = Intrinsics(self.found, lambda: model)
+    def __init__(self, loaded=None, camera_info=None):
+        self.calibrations = CalibrationBySize(loaded)
+        inputs = Inputs('')
+        if camera_info is not None:
+            assert inputs.use_camera_info(camera_info) is None
+        self._source = CameraSource(self.calibrations, inputs)
 
-    def look(self, moment, settings=SELF_CALIBRATE):
-        """Answer one moment; nothing may have been learnt from it yet."""
-        return self._intrinsics.answer(moment.view, settings)
+    def process(self, observation, settings=SELF_CALIBRATE, on_pose=lambda _: None):
+        """Process one observation as the pipeline does."""
+        camera = self._source.camera_for(observation, settings)
+        if isinstance(camera, Rejected):
+            return camera
+        estimate = estimate_with(camera, observation, settings, on_pose)
+        mode = settings.intrinsics.mode
+        in_use = camera_to_publish(camera, estimate, mode)
+        notice = self.calibrations.finish_view() if mode == 'self_calibrate' else None
+        return Processed(estimate, in_use, notice)
 
-    def answer(self, moment, settings=SELF_CALIBRATE):
-        """Answer one moment, and learn from it."""
-        answer = self.look(moment, settings)
-        if isinstance(answer, Rejected):
-            return answer
-        news = answer.news()
-        return Answered(answer.estimate, news.camera, news.remark)
-
-    def learn(self, moments, settings=SELF_CALIBRATE):
-        """Answer many; return the last answer."""
-        return [self.answer(moment, settings) for moment in moments][-1]
+    def process_all(self, views, settings=SELF_CALIBRATE):
+        """Process many views; return the last result."""
+        return [self.process(view.observation, settings) for view in views][-1]

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Views with known answers, as messages."""
+"""Synthetic views with known camera and pose, as messages."""
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point32, PolygonStamped
@@ -27,15 +27,15 @@ def header(second, frame_id='a_camera'):
     return Header(stamp=Time(sec=second, nanosec=123456789), frame_id=frame_id)
 
 
-def seen(board_points, pose=CAMERA_FROM_BOARD, camera=CAMERA):
+def project(board_points, pose=CAMERA_FROM_BOARD, camera=CAMERA):
     """Project (N, 2) points of the board to (N, 2) px."""
     return camera.project(pose.transform(np.pad(board_points, ((0, 0), (0, 1)))))
 
 
 def board_cloud(second, frame_id='a_camera', pose=CAMERA_FROM_BOARD, camera=CAMERA):
     """Make the correspondences of a board of 30 points, without noise."""
-    image = seen(GRID, pose, camera)
-    return cloud_msg(header(second, frame_id), image, GRID, np.arange(len(GRID)))
+    image_points = project(GRID, pose, camera)
+    return cloud_msg(header(second, frame_id), image_points, GRID, np.arange(len(GRID)))
 
 
 def polygon(second, image_points, frame_id='a_camera'):
@@ -46,5 +46,5 @@ def polygon(second, image_points, frame_id='a_camera'):
 
 
 def camera_info(size=SIZE):
-    """Make the camera_info of a camera that is not calibrated."""
+    """Make the camera_info of an uncalibrated camera."""
     return CameraInfo(header=header(0), width=size[0], height=size[1])

@@ -1,16 +1,16 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Several boards before one pose_node: poses, markers, health, each by its board's name."""
+"""One pose_node with several boards: poses, markers and diagnostics by board name."""
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseArray, PoseStamped
 import numpy as np
 from p4pfr_ros.ros.conversions import cloud_msg, pose_from_msg
+from pose_node_client import assert_close, set_parameters
 import pytest
 import scenes
 from sensor_msgs.msg import PointCloud2
-from talk import assert_close, set_parameters
 from visualization_msgs.msg import MarkerArray
 
 pytestmark = pytest.mark.dds
@@ -25,19 +25,21 @@ boards:
 
 
 def _cloud(board, second):
-    """Make the points of a board with a number."""
+    """Make the points of the board with an index."""
     ids = np.arange(len(scenes.GRID))
-    return cloud_msg(scenes.header(second), scenes.seen(scenes.GRID), scenes.GRID, ids, board)
+    return cloud_msg(scenes.header(second), scenes.project(scenes.GRID), scenes.GRID, ids, board)
 
 
-class Two:
-    """A node that knows two boards, and what it says of each."""
+class TwoBoards:
+    """A node with two boards, and the messages that it publishes."""
 
     def __init__(self, peer, folder):
         (folder / 'boards.yaml').write_text(BOARDS)
         self.peer = peer
-        self.poses = {n: peer.listen(PoseStamped, f'pose_node/{n}/pose') for n in ('gate', 'door')}
-        self.health = peer.listen(DiagnosticArray, '/diagnostics')
+        self.poses = {
+            n: peer.subscribe(PoseStamped, f'pose_node/{n}/pose') for n in ('gate', 'door')
+        }
+        self.diagnostics = peer.subscribe(DiagnosticArray, '/diagnostics')
         self.cloud = peer.publisher(PointCloud2, 'correspondences')
         self.node = peer.start(
             'pose_node',
@@ -50,57 +52,57 @@ class Two:
                 'intrinsics.mode': 'per_frame',
             },
         )
-        self.show(0, 0)
+        self.pose_of(0, 0)
 
-    def show(self, board, second, name=None):
-        """Show a board until it is answered; return the answer."""
-        heard = self.poses[name or ('gate', 'door')[board]]
+    def pose_of(self, board, second, name=None):
+        """Publish the points of a board until its pose arrives; return it."""
+        received = self.poses[name or ('gate', 'door')[board]]
         msg = _cloud(board, second)
         self.peer.until(
-            lambda: heard and heard[-1].header == msg.header,
+            lambda: received and received[-1].header == msg.header,
             meanwhile=lambda: self.cloud.publish(msg),
         )
-        return heard[-1]
+        return received[-1]
 
     def status(self, condition):
-        """Show a board until the node's status meets a condition; return that and its values."""
+        """Publish points until the status meets a condition; return status and values."""
         name = f'{self.peer.namespace[1:]}/pose_node: pose'
 
-        def found():
-            of_ours = [s for m in self.health for s in m.status if s.name == name]
-            return next((s for s in reversed(of_ours) if condition(s)), None)
+        def latest():
+            statuses = [s for m in self.diagnostics for s in m.status if s.name == name]
+            return next((s for s in reversed(statuses) if condition(s)), None)
 
         msg = _cloud(0, 20)
-        self.peer.until(found, meanwhile=lambda: self.cloud.publish(msg))
-        return found(), {value.key: value.value for value in found().values}
+        self.peer.until(latest, meanwhile=lambda: self.cloud.publish(msg))
+        return latest(), {value.key: value.value for value in latest().values}
 
 
 @pytest.fixture(scope='module')
 def two(module_peer, tmp_path_factory):
     """One node for the whole module."""
-    return Two(module_peer, tmp_path_factory.mktemp('boards'))
+    return TwoBoards(module_peer, tmp_path_factory.mktemp('boards'))
 
 
 @pytest.mark.parametrize(('board', 'name'), [(0, 'gate'), (1, 'door')])
-def test_each_board_is_answered_on_its_own_topic(two, board, name):
-    """And the other's stays silent."""
+def test_each_board_has_its_own_topic(two, board, name):
+    """Nothing is published on the topic of the other."""
     other = two.poses['door' if name == 'gate' else 'gate']
     before = len(other)
-    pose = two.show(board, 10 + board)
+    pose = two.pose_of(board, 10 + board)
     assert_close(pose_from_msg(pose), scenes.CAMERA_FROM_BOARD)
     assert len(other) == before
 
 
-def test_a_board_that_the_file_does_not_have_is_rejected_and_counted(two):
-    """Counted on /diagnostics too."""
+def test_a_board_that_is_not_in_the_file_is_rejected_and_counted(two):
+    """In the log and on /diagnostics."""
     two.cloud.publish(_cloud(2, 1))
     _, values = two.status(lambda s: 'rejected.unknown_board' in str(s.values))
     assert values['rejected.unknown_board'] == '1'
     assert '[unknown_board: 1 so far]' in two.node.output
 
 
-def test_health_is_told_as_the_node_is(two):
-    """Numbers of the last view, the camera's name; disabled is a state that is well, too."""
+def test_diagnostics_describe_the_last_view(two):
+    """With the camera's name; a disabled node is OK."""
     status, values = two.status(lambda s: s.level == OK and "'answered'" in str(s.values))
     assert status.hardware_id == 'left_camera'
     assert float(values['focal_px']) == pytest.approx(scenes.CAMERA.focal_px, rel=1e-3)
@@ -112,22 +114,22 @@ def test_health_is_told_as_the_node_is(two):
     set_parameters(two.peer, {'enabled': True})
 
 
-def test_what_is_to_be_drawn_is_told_to_who_listens(two):
-    """Markers in namespaces of the board's frame, and other poses that explain the view."""
-    markers = two.peer.listen(MarkerArray, 'pose_node/markers')
-    others = two.peer.listen(PoseArray, 'pose_node/gate/alternatives')
-    two.peer.until(lambda: markers and others, meanwhile=lambda: two.show(0, 30))
+def test_markers_and_alternatives_are_published(two):
+    """Markers in namespaces of the board's frame."""
+    markers = two.peer.subscribe(MarkerArray, 'pose_node/markers')
+    others = two.peer.subscribe(PoseArray, 'pose_node/gate/alternatives')
+    two.peer.until(lambda: markers and others, meanwhile=lambda: two.pose_of(0, 30))
     names = {marker.ns for marker in markers[-1].markers}
     assert names >= {'left/gate/outline', 'left/gate/axes', 'left/gate/points'}
     assert {m.header.frame_id for m in markers[-1].markers} == {'a_camera'}
     assert others[-1].header.frame_id == 'a_camera'
 
 
-def test_without_tf2_ros_one_line_says_so(two):
-    """The poses are not kept from anybody."""
+def test_without_tf2_ros_one_line_is_logged(two):
+    """Poses are published on the other topics."""
     set_parameters(two.peer, {'publish_tf': True})
     for second in range(40, 43):
-        two.show(1, second)
+        two.pose_of(1, second)
     try:
         import tf2_ros  # noqa: F401
     except ImportError:

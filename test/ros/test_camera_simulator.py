@@ -23,35 +23,35 @@ def board_file(tmp_path):
     return path
 
 
-def test_nothing_is_drawn_for_nobody(peer, board_file, monkeypatch):
-    """The board moves on, and its true pose comes all the same."""
-    drawn, render = [], Renderer.render
+def test_without_a_subscriber_no_image_is_rendered(peer, board_file, monkeypatch):
+    """The board moves, and its true pose is published."""
+    rendered, render = [], Renderer.render
 
     def counted(*args, **kwargs):
-        drawn.append(args)
+        rendered.append(args)
         return render(*args, **kwargs)
 
     monkeypatch.setattr(Renderer, 'render', counted)
     given = {'board_file': str(board_file), 'rate_hz': 0.01}
     overrides = [Parameter(name, value=value) for name, value in given.items()]
     node = CameraSimulator(namespace=peer.namespace, parameter_overrides=overrides)
-    truths = peer.listen(PoseStamped, 'camera_simulator/pose_true')
-    peer.until(lambda: truths, meanwhile=node._take_picture)
-    assert not drawn
-    images = peer.listen(Image, 'image')
-    peer.until(lambda: images, meanwhile=node._take_picture)
+    truths = peer.subscribe(PoseStamped, 'camera_simulator/pose_true')
+    peer.until(lambda: truths, meanwhile=node._publish_image)
+    assert not rendered
+    images = peer.subscribe(Image, 'image')
+    peer.until(lambda: images, meanwhile=node._publish_image)
     node.destroy_node()
-    assert drawn
+    assert rendered
     assert images[0].header.stamp in [truth.header.stamp for truth in truths]
     assert len({truth.pose.position.x for truth in truths}) == len(truths)
 
 
 @pytest.mark.dds
-def test_picture_camera_info_and_truth_belong_together(peer, board_file):
-    """One stamp, one frame; K is 0, as of a camera that nobody has calibrated."""
-    images = peer.listen(Image, 'image')
-    infos = peer.listen(CameraInfo, 'camera_info')
-    truths = peer.listen(PoseStamped, 'camera_simulator/pose_true')
+def test_image_camera_info_and_true_pose_share_a_header(peer, board_file):
+    """K is 0, as for an uncalibrated camera."""
+    images = peer.subscribe(Image, 'image')
+    infos = peer.subscribe(CameraInfo, 'camera_info')
+    truths = peer.subscribe(PoseStamped, 'camera_simulator/pose_true')
     peer.start(
         'camera_simulator',
         parameters={
@@ -64,7 +64,7 @@ def test_picture_camera_info_and_truth_belong_together(peer, board_file):
         },
     )
     peer.until(lambda: min(len(images), len(infos), len(truths)) >= 10)
-    stamps = [{_nanoseconds(m) for m in heard[-8:]} for heard in (images, infos, truths)]
+    stamps = [{_nanoseconds(m) for m in received[-8:]} for received in (images, infos, truths)]
     assert len(stamps[0] & stamps[1] & stamps[2]) >= 6
     assert {m.header.frame_id for m in images + infos + truths} == {'simulated_optical'}
     assert images[-1].encoding == 'mono8'

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulator, detector and pose node, three processes, find the truth again: any kind of board."""
+"""Simulator, detector and pose node as processes recover the truth, with each kind of board."""
 
 from pathlib import Path
 
@@ -15,9 +15,9 @@ from sensor_msgs.msg import CameraInfo
 BOARDS = Path(__file__).resolve().parents[2] / 'config/boards'
 FOCAL_PX, K = 520.0, -0.25
 VIEWS = 60
-# Position (part of the distance), rotation in degrees, focal length (part of it), k: ten times the
-# median of 70 views that was measured. A single marker's four points tell less than a board's.
-BOUNDS = {
+# Position (share of the distance), rotation (degrees), focal length (share of it), k: ten times
+# the measured median of 70 views. A marker's four points have less information than a board.
+LIMITS = {
     'bundle_36h11': (0.009, 0.2, 0.008, 0.018),
     'charuco_7x5_35mm': (0.004, 0.05, 0.004, 0.007),
     'chessboard_9x6_25mm': (0.002, 0.03, 0.002, 0.003),
@@ -26,18 +26,18 @@ BOUNDS = {
 }
 
 
-def test_every_board_has_bounds():
-    """A board that is added has to be measured."""
-    assert {path.stem for path in BOARDS.iterdir()} == set(BOUNDS)
+def test_every_board_has_limits():
+    """A new board must be measured."""
+    assert {path.stem for path in BOARDS.iterdir()} == set(LIMITS)
 
 
 @pytest.mark.dds
-@pytest.mark.parametrize('board', BOUNDS)
-def test_the_chain_finds_the_truth_again(peer, board):
-    """Medians over some views, each estimated from its one picture; no axis may be mistaken."""
-    truths = peer.listen(PoseStamped, 'camera_simulator/pose_true')
-    poses = peer.listen(PoseStamped, 'pose_node/pose')
-    cameras = peer.listen(CameraInfo, 'pose_node/camera_info_division')
+@pytest.mark.parametrize('board', LIMITS)
+def test_the_chain_recovers_the_truth(peer, board):
+    """Medians over some views, each estimated from a single image."""
+    truths = peer.subscribe(PoseStamped, 'camera_simulator/pose_true')
+    poses = peer.subscribe(PoseStamped, 'pose_node/pose')
+    cameras = peer.subscribe(CameraInfo, 'pose_node/camera_info_division')
     file = {'board_file': BOARDS / f'{board}.yaml'}
     lens = {'camera.focal_px': FOCAL_PX, 'camera.k': K}
     peer.start('pose_node', parameters={'intrinsics.mode': 'per_frame'})
@@ -49,16 +49,16 @@ def test_the_chain_finds_the_truth_again(peer, board):
     assert len(views) >= VIEWS // 2
     assert {m.header.frame_id for m in views} == {'camera_optical_frame'}
     errors = [_errors(pose_from_msg(m), true_at[_nanoseconds(m)]) for m in views]
-    seen = [division_camera_from_msg(m) for m in cameras]
-    lenses = [(abs(c.focal_px / FOCAL_PX - 1.0), abs(c.k - K)) for c in seen]
+    estimated = [division_camera_from_msg(m) for m in cameras]
+    lenses = [(abs(c.focal_px / FOCAL_PX - 1.0), abs(c.k - K)) for c in estimated]
     medians = [*np.median(errors, axis=0), *np.median(lenses, axis=0)]
-    assert all(np.array(medians) < BOUNDS[board]), medians
+    assert all(np.array(medians) < LIMITS[board]), medians
 
 
 def _errors(pose, true):
-    away = np.linalg.norm(pose.translation - true.translation)
-    turned = rotation_angle_rad(pose.rotation, true.rotation)
-    return away / np.linalg.norm(true.translation), np.degrees(turned)
+    error_m = np.linalg.norm(pose.translation - true.translation)
+    error_rad = rotation_angle_rad(pose.rotation, true.rotation)
+    return error_m / np.linalg.norm(true.translation), np.degrees(error_rad)
 
 
 def _nanoseconds(msg):

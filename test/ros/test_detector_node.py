@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""detector_node over DDS: pictures in, the board's points out."""
+"""detector_node over DDS: images in, points of boards out."""
 
 from array import array
 
@@ -25,8 +25,8 @@ BOARD_YAML = """
 boards:
   board: {type: chessboard, columns: 9, rows: 6, square_mm: 25}
 """
-PICTURE = render(BOARD, scenes.CAMERA, scenes.CAMERA_FROM_BOARD, scenes.SIZE, noise_sigma=1.0)
-# Beside it, two markers on a plane of their own.
+IMAGE = render(BOARD, scenes.CAMERA, scenes.CAMERA_FROM_BOARD, scenes.SIZE, noise_sigma=1.0)
+# Two markers beside the chessboard, on another plane.
 BUNDLE = Bundle(
     markers=(
         PlacedMarker(id=8, x_m=-0.04, y_m=0.0, size_m=0.05),
@@ -46,29 +46,29 @@ CAMERA_FROM_BUNDLE = Pose.from_rotation_vector([0.3, 0.2, 0.0], [-0.22, -0.14, 0
     np.diag([1.0, -1.0, -1.0]), np.zeros(3)
 )
 BOTH = render(
-    BUNDLE, scenes.CAMERA, CAMERA_FROM_BUNDLE, scenes.SIZE, background=PICTURE.astype(float)
+    BUNDLE, scenes.CAMERA, CAMERA_FROM_BUNDLE, scenes.SIZE, background=IMAGE.astype(float)
 )
-EMPTY = np.full_like(PICTURE, 90)
+EMPTY = np.full_like(IMAGE, 90)
 
 
-class Eye:
-    """A conversation with one detector_node."""
+class DetectorClient:
+    """A client of one detector_node."""
 
     def __init__(self, peer, folder, topic, message_type, boards, **parameters):
         board_file = folder / 'board.yaml'
         board_file.write_text(boards)
         self.peer = peer
-        self.points = peer.listen(PointCloud2, 'correspondences')
+        self.points = peer.subscribe(PointCloud2, 'correspondences')
         self.image = peer.publisher(message_type, topic)
         self.node = peer.start('detector_node', parameters={'board_file': board_file} | parameters)
         peer.until(lambda: self.image.get_subscription_count())
 
-    def show(self, make, second, frame_id='a_camera'):
-        """Publish a picture until its points come."""
-        return self.show_all(make, second, frame_id, boards=1)[-1]
+    def detect(self, make, second, frame_id='a_camera'):
+        """Publish an image until its points arrive."""
+        return self.detect_all(make, second, frame_id, boards=1)[-1]
 
-    def show_all(self, make, second, frame_id='a_camera', *, boards):
-        """Publish a picture until the points of so many boards have come."""
+    def detect_all(self, make, second, frame_id='a_camera', *, boards):
+        """Publish an image until the points of this many boards have arrived."""
         stamp = scenes.header(second).stamp
         msg = make(scenes.header(second, frame_id))
         self.peer.until(
@@ -79,14 +79,14 @@ class Eye:
 
 
 @pytest.fixture(scope='module')
-def eye(module_peer, tmp_path_factory):
-    """One detector_node for raw pictures, which knows two boards, for the whole module."""
+def client(module_peer, tmp_path_factory):
+    """One detector_node with two boards for the whole module."""
     folder = tmp_path_factory.mktemp('raw')
-    return Eye(module_peer, folder, 'image', Image, boards=BOARD_YAML + BUNDLE_YAML)
+    return DetectorClient(module_peer, folder, 'image', Image, boards=BOARD_YAML + BUNDLE_YAML)
 
 
-def _raw(picture):
-    return lambda header: image_msg(header, picture)
+def _raw(image):
+    return lambda header: image_msg(header, image)
 
 
 def _assert_all_corners(msg, atol_px=0.3):
@@ -94,116 +94,120 @@ def _assert_all_corners(msg, atol_px=0.3):
     order = np.argsort(points.ids)
     np.testing.assert_array_equal(points.ids[order], np.arange(len(BOARD.points)))
     np.testing.assert_array_equal(points.board_points, BOARD.points[points.ids])
-    np.testing.assert_allclose(points.image_points, scenes.seen(points.board_points), atol=atol_px)
+    np.testing.assert_allclose(
+        points.image_points, scenes.project(points.board_points), atol=atol_px
+    )
 
 
-def test_a_picture_is_answered_with_its_header_and_all_corners(eye):
-    """Stamp and frame are the picture's; each corner lies where it was drawn."""
-    msg = eye.show(_raw(PICTURE), 21, 'left_optical')
+def test_all_corners_are_published_with_the_header_of_the_image(client):
+    """Each corner is close to its true pixel."""
+    msg = client.detect(_raw(IMAGE), 21, 'left_optical')
     assert msg.header == scenes.header(21, 'left_optical')
     _assert_all_corners(msg)
 
 
-def test_each_board_of_a_picture_is_a_message_that_says_which(eye):
-    """The bundle alone, then both: in the order of the file, with the header of the picture."""
+def test_each_board_of_an_image_is_a_message_with_its_index(client):
+    """The bundle alone, then both boards in the order of the file."""
     alone = render(BUNDLE, scenes.CAMERA, CAMERA_FROM_BUNDLE, scenes.SIZE)
-    assert correspondences_from_cloud(eye.show(_raw(alone), 29)).board == 1
-    # A message may come twice for one picture, as it is sent until it is heard.
-    heard = eye.show_all(_raw(BOTH), 30, 'left_optical', boards=2)
-    assert all(msg.header == scenes.header(30, 'left_optical') for msg in heard)
-    points = {p.board: p for p in map(correspondences_from_cloud, heard)}
+    assert correspondences_from_cloud(client.detect(_raw(alone), 29)).board == 1
+    # An image is published until its points arrive, so messages may arrive twice.
+    received = client.detect_all(_raw(BOTH), 30, 'left_optical', boards=2)
+    assert all(msg.header == scenes.header(30, 'left_optical') for msg in received)
+    points = {p.board: p for p in map(correspondences_from_cloud, received)}
     assert list(points) == [0, 1]
-    _assert_all_corners(heard[0])
+    _assert_all_corners(received[0])
     np.testing.assert_array_equal(points[1].board_points, BUNDLE.points)
-    truth = scenes.seen(BUNDLE.points, CAMERA_FROM_BUNDLE)
+    truth = scenes.project(BUNDLE.points, CAMERA_FROM_BUNDLE)
     np.testing.assert_allclose(points[1].image_points, truth, atol=0.3)
 
 
-def test_colour_is_as_good_as_grey(eye):
-    """The conversion is tested by itself; this is that it is used."""
-    colour = cv2.cvtColor(PICTURE, cv2.COLOR_GRAY2BGR)
-    _assert_all_corners(eye.show(_raw(colour), 22))
+def test_colour_images_are_detected_as_well(client):
+    """The conversion itself has its own tests."""
+    colour = cv2.cvtColor(IMAGE, cv2.COLOR_GRAY2BGR)
+    _assert_all_corners(client.detect(_raw(colour), 22))
 
 
-def test_a_picture_without_the_board_is_counted_and_said(eye):
-    """No points, no crash; the reason is in the log; the next picture is answered."""
-    before = len(eye.points)
-    eye.image.publish(image_msg(scenes.header(23), EMPTY))
-    eye.peer.until(
-        lambda: '[no_board: ' in eye.node.output,
-        meanwhile=lambda: eye.image.publish(image_msg(scenes.header(23), EMPTY)),
+def test_an_image_without_a_board_is_counted_and_logged(client):
+    """No points are published; the next image is detected."""
+    before = len(client.points)
+    client.image.publish(image_msg(scenes.header(23), EMPTY))
+    client.peer.until(
+        lambda: '[no_board: ' in client.node.output,
+        meanwhile=lambda: client.image.publish(image_msg(scenes.header(23), EMPTY)),
     )
-    assert '9x6 chessboard found; none of the 2 markers of bundle found' in eye.node.output
-    eye.show(_raw(PICTURE), 24)
-    assert 23 not in [p.header.stamp.sec for p in eye.points[before:]]
+    assert '9x6 chessboard found; none of the 2 markers of bundle found' in client.node.output
+    client.detect(_raw(IMAGE), 24)
+    assert 23 not in [p.header.stamp.sec for p in client.points[before:]]
 
 
-def test_a_picture_that_cannot_be_read_is_counted(eye):
-    """An encoding that nobody knows, data that end too early."""
-    unknown = image_msg(scenes.header(25), PICTURE)
+def test_an_invalid_image_is_counted(client):
+    """An unknown encoding, truncated data."""
+    unknown = image_msg(scenes.header(25), IMAGE)
     unknown.encoding = '64FC7'
-    eye.peer.until(
-        lambda: "unknown encoding '64FC7'" in eye.node.output,
-        meanwhile=lambda: eye.image.publish(unknown),
+    client.peer.until(
+        lambda: "'64FC7' is unknown" in client.node.output,
+        meanwhile=lambda: client.image.publish(unknown),
     )
-    short = image_msg(scenes.header(26), PICTURE)
+    short = image_msg(scenes.header(26), IMAGE)
     short.data = short.data[:1000]
-    eye.peer.until(
-        lambda: '[truncated: ' in eye.node.output, meanwhile=lambda: eye.image.publish(short)
+    client.peer.until(
+        lambda: '[truncated: ' in client.node.output, meanwhile=lambda: client.image.publish(short)
     )
-    _assert_all_corners(eye.show(_raw(PICTURE), 27))
+    _assert_all_corners(client.detect(_raw(IMAGE), 27))
 
 
-def test_the_annotated_picture_comes_when_asked_for(eye):
-    """It has the picture's header and size, and shows what was found."""
-    annotated = eye.peer.listen(Image, 'detector_node/image_annotated')
+def test_the_annotated_image_is_published_to_subscribers(client):
+    """With the header and size of the image, and circles around the corners."""
+    annotated = client.peer.subscribe(Image, 'detector_node/image_annotated')
     stamp = scenes.header(28).stamp
-    msg = image_msg(scenes.header(28), PICTURE)
-    eye.peer.until(
+    msg = image_msg(scenes.header(28), IMAGE)
+    client.peer.until(
         lambda: annotated and annotated[-1].header.stamp == stamp,
-        meanwhile=lambda: eye.image.publish(msg),
+        meanwhile=lambda: client.image.publish(msg),
     )
     assert annotated[-1].header == msg.header
     drawn = image_from_msg(annotated[-1])
-    assert drawn.shape == (*PICTURE.shape, 3)
-    changed = (drawn != PICTURE[..., None]).any(axis=-1)
-    column, row = np.rint(scenes.seen(BOARD.points[:1])[0]).astype(int)
+    assert drawn.shape == (*IMAGE.shape, 3)
+    changed = (drawn != IMAGE[..., None]).any(axis=-1)
+    column, row = np.rint(scenes.project(BOARD.points[:1])[0]).astype(int)
     assert changed[row - 6 : row + 7, column - 6 : column + 7].any()
 
 
-def test_nothing_is_annotated_for_nobody(peer, tmp_path, monkeypatch):
-    """As long as somebody hears the points alone."""
+def test_without_a_subscriber_no_image_is_annotated(peer, tmp_path, monkeypatch):
+    """While only the points have a subscriber."""
     drawn = []
 
-    def counted(*seen):
-        drawn.append(seen)
-        return annotate(*seen)
+    def counted(*args):
+        drawn.append(args)
+        return annotate(*args)
 
     monkeypatch.setattr(detector_node, 'annotate', counted)
     (tmp_path / 'board.yaml').write_text(BOARD_YAML)
     given = [Parameter('board_file', value=str(tmp_path / 'board.yaml'))]
     node = detector_node.DetectorNode(namespace=peer.namespace, parameter_overrides=given)
-    msg = image_msg(scenes.header(40), PICTURE)
-    points = peer.listen(PointCloud2, 'correspondences')
+    msg = image_msg(scenes.header(40), IMAGE)
+    points = peer.subscribe(PointCloud2, 'correspondences')
     peer.until(lambda: points, meanwhile=lambda: node._on_image(msg))
     assert not drawn
-    annotated = peer.listen(Image, 'detector_node/image_annotated')
+    annotated = peer.subscribe(Image, 'detector_node/image_annotated')
     peer.until(lambda: annotated, meanwhile=lambda: node._on_image(msg))
     node.destroy_node()
     assert drawn
 
 
 @pytest.mark.parametrize('extension', ['.png', '.jpg'])
-def test_compressed_pictures(peer, tmp_path, extension):
-    """By parameter, the node listens to image/compressed instead."""
+def test_compressed_images(peer, tmp_path, extension):
+    """A parameter selects the topic image/compressed."""
     transport = {'image.transport': 'compressed'}
-    eye = Eye(peer, tmp_path, 'image/compressed', CompressedImage, BOARD_YAML, **transport)
-    data = array('B', cv2.imencode(extension, PICTURE)[1].tobytes())
+    client = DetectorClient(
+        peer, tmp_path, 'image/compressed', CompressedImage, BOARD_YAML, **transport
+    )
+    data = array('B', cv2.imencode(extension, IMAGE)[1].tobytes())
 
     def make(header):
         return CompressedImage(header=header, format=extension[1:], data=data)
 
-    msg = eye.show(make, 31, 'right_optical')
+    msg = client.detect(make, 31, 'right_optical')
     assert msg.header == scenes.header(31, 'right_optical')
-    assert 'board' not in [field.name for field in msg.fields]  # there is but one
+    assert 'board' not in [field.name for field in msg.fields]  # there is only one board
     _assert_all_corners(msg, atol_px=0.5)

@@ -1,17 +1,14 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Launch files: what they would start, with a stand-in for the `launch` that starts it."""
+"""Launch files: the nodes that they start, with a replacement for `launch`."""
 
 from pathlib import Path
 
 from launch_stand_in import Run, SHARE
 from p4pfr_ros.ros.parameters.declare import flattened, replaced
-from p4pfr_ros.ros.parameters.image_node_options import (
-    CameraSimulatorOptions,
-    DetectorNodeOptions,
-    PoseNodeOptions,
-)
+from p4pfr_ros.ros.parameters.image_node_options import CameraSimulatorOptions, DetectorNodeOptions
+from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
 import pytest
 import rclpy
 from rclpy.node import Node
@@ -24,7 +21,7 @@ OPTIONS = {
     'camera_simulator': CameraSimulatorOptions(),
 }
 FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
-NEEDED = {
+REQUIRED = {
     'demo.launch.py': {},
     'p4pfr.launch.py': {'board_file': 'b.yaml'},
     'multi_camera.launch.py': {'board_file': 'b.yaml', 'cameras': 'left,right'},
@@ -32,8 +29,8 @@ NEEDED = {
 
 
 def run(name, **arguments):
-    """Return what a launch file starts."""
-    return Run(ROOT / 'launch' / name, ROOT, **NEEDED[name], **arguments).nodes
+    """Return the nodes that a launch file starts."""
+    return Run(ROOT / 'launch' / name, ROOT, **REQUIRED[name], **arguments).nodes
 
 
 def one(nodes, executable):
@@ -42,18 +39,18 @@ def one(nodes, executable):
 
 
 def given(node):
-    """Return the parameters that a node is told one by one."""
+    """Return the parameters of a node, except those of files."""
     return node.parameters[-1]
 
 
 def test_there_are_launch_files():
-    """The next test has something to look at."""
-    assert {path.name for path in FILES} == set(NEEDED)
+    """All of them are tested."""
+    assert {path.name for path in FILES} == set(REQUIRED)
 
 
 @pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
-def test_a_launch_file_names_what_there_is(path):
-    """Its nodes have launchers, and their parameters exist and take these values."""
+def test_nodes_and_parameters_of_launch_files_exist(path):
+    """The values of the parameters are valid."""
     nodes = run(path.name, publish_tf='true') if 'demo' not in path.name else run(path.name)
     assert len(nodes) >= 2
     for node in nodes:
@@ -65,25 +62,25 @@ def test_a_launch_file_names_what_there_is(path):
         replaced(options, given(node))
 
 
-@pytest.mark.parametrize('name', NEEDED)
-def test_what_a_launch_file_needs_it_asks_for(name):
-    """An argument without a default has to be given."""
-    for argument in NEEDED[name]:
-        others = {k: v for k, v in NEEDED[name].items() if k != argument}
+@pytest.mark.parametrize('name', REQUIRED)
+def test_required_arguments_have_no_default(name):
+    """They must be given."""
+    for argument in REQUIRED[name]:
+        others = {k: v for k, v in REQUIRED[name].items() if k != argument}
         with pytest.raises(AssertionError, match=f'{argument} is missing'):
             Run(ROOT / 'launch' / name, ROOT, **others)
 
 
-def test_the_demo_has_a_board_of_its_own():
-    """All three are told of the same, and its file is installed with the others."""
+def test_the_demo_has_a_default_board():
+    """The same for all three nodes; its file is installed."""
     boards = {given(node)['board_file'] for node in run('demo.launch.py')}
     (board,) = boards
     assert (ROOT / board.removeprefix(f'{SHARE}/p4pfr_ros/')).exists()
 
 
-@pytest.mark.parametrize('name', [*NEEDED, 'p4pfr.rviz', 'p4pfr_foxglove.json'])
-def test_people_are_told_of_what_there_is(name):
-    """A launch file, or a view, that no page names is found by nobody."""
+@pytest.mark.parametrize('name', [*REQUIRED, 'p4pfr.rviz', 'p4pfr_foxglove.json'])
+def test_launch_files_and_layouts_are_documented(name):
+    """In the README or on a page."""
     pages = [ROOT / 'README.md', *(ROOT / 'docs').glob('*.md')]
     assert any(name in page.read_text() for page in pages)
 
@@ -100,26 +97,28 @@ def test_topics_and_namespace_are_the_cameras():
     assert given(detector)['board_file'] == given(pose)['board_file'] == 'b.yaml'
 
 
-def test_a_file_of_parameters_is_not_contradicted():
-    """What the arguments do not say is left to it, and without one none is named."""
+def test_arguments_that_are_not_given_do_not_override_the_parameter_file():
+    """Without a parameter file none is passed."""
     nodes = run('p4pfr.launch.py', params_file='p.yaml')
     assert all(node.parameters[0] == 'p.yaml' for node in nodes)
     assert all(set(given(node)) == {'board_file'} for node in nodes)
     for node in run('multi_camera.launch.py', params_file='p.yaml'):
         ours = {'board_frame', 'camera_name', 'publish_tf'}
-        told = ours if node.executable == 'pose_node' else set()
-        assert set(given(node)) == {'board_file', *told}
+        expected = ours if node.executable == 'pose_node' else set()
+        assert set(given(node)) == {'board_file', *expected}
     assert all(len(node.parameters) == 1 for node in run('p4pfr.launch.py'))
-    told = given(one(run('p4pfr.launch.py', board_frame='b', publish_tf='true'), 'pose_node'))
-    assert told == {'board_file': 'b.yaml', 'board_frame': 'b', 'publish_tf': True}
-    told = given(one(run('p4pfr.launch.py', transport='compressed'), 'detector_node'))
-    assert told == {'board_file': 'b.yaml', 'image.transport': 'compressed'}
+    parameters = given(
+        one(run('p4pfr.launch.py', board_frame='b', publish_tf='true'), 'pose_node')
+    )
+    assert parameters == {'board_file': 'b.yaml', 'board_frame': 'b', 'publish_tf': True}
+    parameters = given(one(run('p4pfr.launch.py', transport='compressed'), 'detector_node'))
+    assert parameters == {'board_file': 'b.yaml', 'image.transport': 'compressed'}
 
 
 @pytest.mark.parametrize('namespace', ['/', '/left/front'])
 @pytest.mark.parametrize('name', ['pose_node', 'detector_node', 'camera_simulator'])
-def test_a_file_of_parameters_for_all_is_read_by_each_as_its_own(name, namespace):
-    """Below /**/NODE, whatever the namespace; of the others' parameters it hears nothing."""
+def test_each_node_reads_its_own_parameters_from_the_config_files(name, namespace):
+    """Below /**/NODE, in any namespace; it does not get those of other nodes."""
     context, arguments = rclpy.Context(), ['--ros-args', '-r', f'__ns:={namespace}']
     for path in sorted((ROOT / 'config').glob('*.yaml')):
         arguments += ['--params-file', str(path)]
@@ -131,8 +130,8 @@ def test_a_file_of_parameters_for_all_is_read_by_each_as_its_own(name, namespace
     rclpy.shutdown(context=context)
 
 
-def test_a_lifecycle_comes_on_request():
-    """The other launcher, but the same name: topics and the file of parameters stay."""
+def test_a_managed_node_is_optional():
+    """Another executable with the same node name, so that topics and parameters stay."""
     plain, managed = (
         run('p4pfr.launch.py', lifecycle=lifecycle)[1] for lifecycle in ('false', 'true')
     )
@@ -144,24 +143,24 @@ def test_a_lifecycle_comes_on_request():
 
 
 @pytest.mark.parametrize('name', ['p4pfr.launch.py', 'demo.launch.py'])
-def test_rviz_comes_on_request(name):
-    """With our view, in the nodes' namespace."""
+def test_rviz_is_optional(name):
+    """With our configuration."""
     assert 'rviz2' not in {node.executable for node in run(name)}
     rviz = one(run(name, rviz='true'), 'rviz2')
     assert rviz.package == 'rviz2'
-    view = rviz.arguments[rviz.arguments.index('-d') + 1]
-    assert (ROOT / view.removeprefix(f'{SHARE}/p4pfr_ros/')).exists()
+    config = rviz.arguments[rviz.arguments.index('-d') + 1]
+    assert (ROOT / config.removeprefix(f'{SHARE}/p4pfr_ros/')).exists()
 
 
-def test_rviz_looks_from_the_camera():
+def test_the_fixed_frame_of_rviz_is_the_camera_frame():
     nodes = run('p4pfr.launch.py', rviz='true', camera_frame='front', namespace='a')
     rviz = one(nodes, 'rviz2')
     assert rviz.namespace == 'a'
     assert rviz.arguments[-2:] == ['-f', 'front']
 
 
-def test_each_camera_has_nodes_and_names_of_its_own():
-    """No two publish the same frame, or save to the same file."""
+def test_each_camera_has_its_own_nodes_and_names():
+    """Its own board frame and calibration file."""
     nodes = run('multi_camera.launch.py')
     assert [(node.namespace, node.executable) for node in nodes] == [
         ('left', 'detector_node'),

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What ``ros2 run`` does: find an executable in ament's index, start it, stop it."""
+"""Executables of ``ros2 run``: found in the ament index, started and stopped."""
 
 from pathlib import Path
 import signal
@@ -15,7 +15,7 @@ import rclpy
 
 pytestmark = pytest.mark.dds
 
-# The nodes, and the file of parameters that is theirs.
+# The nodes and their parameter files.
 NODES = {
     'pose_node': 'pose_node',
     'lifecycle_pose_node': 'pose_node',
@@ -23,14 +23,14 @@ NODES = {
     'camera_simulator': 'camera_simulator',
 }
 
-# A node that is the first on its machine compiles the kernels.
-PATIENCE_S = 100.0
-ASK_AGAIN_S = 3.0
+# The first node on a machine compiles the kernels.
+TIMEOUT_S = 100.0
+RETRY_S = 3.0
 
 
 @pytest.fixture
 def observer(dds):
-    """Give a node that looks at the others."""
+    """Give a node that calls the others."""
     node = rclpy.create_node('observer')
     yield node
     node.destroy_node()
@@ -38,7 +38,7 @@ def observer(dds):
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
 @pytest.mark.parametrize('name', NODES)
-def test_node_answers_and_ends_cleanly(name, number, observer):
+def test_a_node_responds_and_exits_cleanly(name, number, observer):
     share = Path(get_package_share_directory('p4pfr_ros'))
     arguments = ['--ros-args', '--params-file', share / f'config/{NODES[name]}.yaml']
     if NODES[name] != 'pose_node':
@@ -46,28 +46,29 @@ def test_node_answers_and_ends_cleanly(name, number, observer):
     executable = Path(get_package_prefix('p4pfr_ros'), 'lib', 'p4pfr_ros', name)
     process = subprocess.Popen([executable, *arguments])
     try:
-        wait_for_answer(observer, name, process)
+        wait_for_response(observer, name, process)
         process.send_signal(number)
-        assert process.wait(PATIENCE_S) == 0
+        assert process.wait(TIMEOUT_S) == 0
     finally:
         process.kill()
         process.wait()
 
 
-def wait_for_answer(observer, name, process):
-    """Return once the node's own parameter service has answered: it is there and it spins."""
+def wait_for_response(observer, name, process):
+    """Return once the parameter service of the node has responded, so that it spins."""
     client = observer.create_client(GetParameters, f'/{name}/get_parameters')
     request = GetParameters.Request(names=['use_sim_time'])
-    ends_s = time.monotonic() + PATIENCE_S
-    asks_s = 0.0
-    answers = []
-    while not any(answer.done() for answer in answers):
-        assert process.poll() is None, f'{name} ended by itself: {process.returncode}'
-        assert time.monotonic() < ends_s, f'{name} did not answer'
-        # A service can be seen before it sees its client, and then its answer is lost: ask again.
-        if time.monotonic() > asks_s and client.service_is_ready():
-            answers.append(client.call_async(request))
-            asks_s = time.monotonic() + ASK_AGAIN_S
+    ends_s = time.monotonic() + TIMEOUT_S
+    call_s = 0.0
+    futures = []
+    while not any(future.done() for future in futures):
+        assert process.poll() is None, f'{name} exited: {process.returncode}'
+        assert time.monotonic() < ends_s, f'{name} did not respond'
+        # A service may be discovered before it has discovered its client; then the response is
+        # lost.
+        if time.monotonic() > call_s and client.service_is_ready():
+            futures.append(client.call_async(request))
+            call_s = time.monotonic() + RETRY_S
         rclpy.spin_once(observer, timeout_sec=0.05)
-    answer = next(answer for answer in answers if answer.done())
-    assert len(answer.result().values) == 1
+    future = next(future for future in futures if future.done())
+    assert len(future.result().values) == 1

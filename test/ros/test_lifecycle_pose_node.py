@@ -1,16 +1,16 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""lifecycle_pose_node over DDS: what it does in which state."""
+"""lifecycle_pose_node over DDS: its behaviour in each state."""
 
 from geometry_msgs.msg import PoseStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from p4pfr_ros.ros.conversions import pose_from_msg
+from pose_node_client import assert_close, set_parameters
 import pytest
 import scenes
 from sensor_msgs.msg import PointCloud2
-from talk import assert_close, set_parameters
 
 pytestmark = pytest.mark.dds
 
@@ -19,16 +19,16 @@ BOARD = 'boards: {gate: {type: chessboard, columns: 9, rows: 6, square_m: 0.025}
 
 
 class Manager:
-    """Who manages the node."""
+    """A manager of the node."""
 
     def __init__(self, peer, **parameters):
         self.peer = peer
-        self.poses = peer.listen(PoseStamped, f'{NAME}/pose')
+        self.poses = peer.subscribe(PoseStamped, f'{NAME}/pose')
         self.cloud = peer.publisher(PointCloud2, 'correspondences')
         self.node = peer.start(NAME, parameters=parameters)
 
     def change(self, transition):
-        """Ask for a transition; return whether it was made."""
+        """Request a transition; return whether it succeeded."""
         request = {'transition': Transition(id=transition)}
         return self.peer.call(ChangeState, f'{NAME}/change_state', **request).success
 
@@ -36,32 +36,32 @@ class Manager:
         """Return the label of the node's state."""
         return self.peer.call(GetState, f'{NAME}/get_state').current_state.label
 
-    def is_listened_to(self):
-        """Return whether the node hears us."""
+    def is_subscribed(self):
+        """Return whether the node subscribes."""
         return self.cloud.get_subscription_count() > 0
 
     def pose(self):
-        """Return the pose of a board that is shown until it is answered."""
+        """Publish points until a pose arrives; return it."""
         self.poses.clear()
-        say = scenes.board_cloud(1)
-        self.peer.until(lambda: self.poses, meanwhile=lambda: self.cloud.publish(say))
+        msg = scenes.board_cloud(1)
+        self.peer.until(lambda: self.poses, meanwhile=lambda: self.cloud.publish(msg))
         return pose_from_msg(self.poses[-1])
 
 
-def test_it_listens_while_it_is_active(peer):
-    """Through all states and back; what is passed over is not answered later."""
+def test_it_subscribes_while_it_is_active(peer):
+    """Through all states and back."""
     override = {f'qos_overrides.{peer.namespace}/correspondences.subscription.depth': 9}
     manager = Manager(peer, **{'image.width_px': 640, 'image.height_px': 480} | override)
     assert manager.state() == 'unconfigured'
     assert not manager.change(Transition.TRANSITION_ACTIVATE)
     assert manager.change(Transition.TRANSITION_CONFIGURE)
     assert manager.state() == 'inactive'
-    assert not manager.is_listened_to()
+    assert not manager.is_subscribed()
     for _ in range(2):
         assert manager.change(Transition.TRANSITION_ACTIVATE)
         assert_close(manager.pose(), scenes.CAMERA_FROM_BOARD)
         assert manager.change(Transition.TRANSITION_DEACTIVATE)
-        peer.until(lambda: not manager.is_listened_to())
+        peer.until(lambda: not manager.is_subscribed())
     assert manager.change(Transition.TRANSITION_CLEANUP)
     peer.until(lambda: peer.node.count_publishers(f'{peer.namespace}/{NAME}/pose') == 0)
     assert manager.change(Transition.TRANSITION_CONFIGURE)
@@ -75,8 +75,8 @@ def test_it_listens_while_it_is_active(peer):
     assert 'unknown parameter' not in manager.node.output
 
 
-def test_a_wrong_file_keeps_it_unconfigured(peer, tmp_path):
-    """It says why, lives on, and is configured once the file is right."""
+def test_an_invalid_file_keeps_it_unconfigured(peer, tmp_path):
+    """It logs the reason, and can be configured after the file was corrected."""
     path = tmp_path / 'board.yaml'
     path.write_text(BOARD.replace('columns', 'colums'))
     manager = Manager(peer, board_file=path)

@@ -1,43 +1,43 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""lifecycle_pose_node in process: what its transitions leave, refuse and say."""
+"""lifecycle_pose_node in process: its transitions, their failures and their log lines."""
 
 from lifecycle_msgs.msg import Transition
 from p4pfr_ros.ros.lifecycle_pose_node import LifecyclePoseNode
-from p4pfr_ros.ros.pose import pipeline as pose_work
+from p4pfr_ros.ros.pose import pipeline
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-DONE, REFUSED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 ERROR = TransitionCallbackReturn.ERROR
 CORNERS = 'qos_overrides./managed/corners.subscription'
 
 
-def everything_of(node):
-    """Return the names of all that others can see of a node."""
+def endpoints_of(node):
+    """Return the names of all endpoints of a node."""
     ends = [*node.publishers, *node.subscriptions]
     names = [end.topic_name for end in ends] + [s.srv_name for s in node.services]
     return sorted(names) + [client.srv_name for client in node.clients]
 
 
 def state_of(node):
-    """Return the label of a node's state."""
+    """Return the label of the state of a node."""
     return node._state_machine.current_state[1]
 
 
 @pytest.fixture
 def make(dds, monkeypatch):
-    """Make nodes whose log is kept, and take them down again."""
+    """Make nodes with a recorded log."""
     made = []
 
     def make(**parameters):
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         node = LifecyclePoseNode(namespace='/managed', parameter_overrides=overrides)
-        said = node.said = []
+        logged = node.logged = []
         monkeypatch.setattr(
-            type(node.get_logger()), 'log', lambda _, text, severity, **__: said.append(text)
+            type(node.get_logger()), 'log', lambda _, text, severity, **__: logged.append(text)
         )
         made.append(node)
         return node
@@ -48,25 +48,25 @@ def make(dds, monkeypatch):
 
 
 @pytest.mark.parametrize('transition', [0, Transition.TRANSITION_ACTIVATE, 2, 4, 6, 7, 8, 99])
-def test_a_transition_that_the_state_does_not_have_is_refused(make, transition):
-    """As the service refuses it: an answer, one line, the same state."""
+def test_a_transition_that_the_state_does_not_have_is_rejected(make, transition):
+    """The service responds, one line is logged, the state stays."""
     node = make()
     request = {'transition': Transition(id=transition)}
     change = node._service_change_state
-    answer = change.callback(
+    response = change.callback(
         change.srv_type.Request(**request), change.srv_type.Response(success=True)
     )
-    assert not answer.success
+    assert not response.success
     assert state_of(node) == 'unconfigured'
-    assert node.said == [
-        'transition refused: expected one of the state unconfigured: '
+    assert node.logged == [
+        'transition rejected: expected a transition of the state unconfigured: '
         f'1 (configure), 5 (shutdown), got {transition}'
     ]
 
 
 @pytest.mark.parametrize('mistake', ['service', 'override'])
-def test_what_cannot_be_configured_leaves_nothing(make, mistake):
-    """As often as it is tried, one line says why."""
+def test_a_failed_configure_leaves_no_endpoints(make, mistake):
+    """Each attempt logs one line with the reason."""
     name, value, why = {
         'service': (
             'set_camera_info_service',
@@ -80,103 +80,103 @@ def test_what_cannot_be_configured_leaves_nothing(make, mistake):
         ),
     }[mistake]
     node = make(**{name: value})
-    before = everything_of(node)
+    before = endpoints_of(node)
     for attempt in (1, 2):
-        assert node.trigger_configure() == REFUSED
+        assert node.trigger_configure() == FAILURE
         assert state_of(node) == 'unconfigured'
-        assert everything_of(node) == before
-        assert len(node.said) == attempt
-        assert f'not configured: lifecycle_pose_node: {name}: {why}' in node.said[-1]
-        assert '\n' not in node.said[-1]
+        assert endpoints_of(node) == before
+        assert len(node.logged) == attempt
+        assert f'not configured: lifecycle_pose_node: {name}: {why}' in node.logged[-1]
+        assert '\n' not in node.logged[-1]
 
 
-def test_what_cannot_be_activated_stays_inactive(make):
-    """One line says why; nothing listens."""
+def test_a_failed_activate_leaves_the_node_inactive(make):
+    """Each attempt logs one line with the reason; nothing is subscribed."""
     node = make(**{f'{CORNERS}.reliability': 'foo'})
-    assert node.trigger_configure() == DONE
-    before, said = everything_of(node), len(node.said)
+    assert node.trigger_configure() == SUCCESS
+    before, count = endpoints_of(node), len(node.logged)
     for _ in range(2):
-        assert node.trigger_activate() == REFUSED
+        assert node.trigger_activate() == FAILURE
         assert state_of(node) == 'inactive'
-        assert everything_of(node) == before
-    for line in node.said[said:]:
+        assert endpoints_of(node) == before
+    for line in node.logged[count:]:
         assert line.startswith(f'not activated: lifecycle_pose_node: {CORNERS}.reliability: ')
         assert line.endswith("got 'foo'")
-    assert len(node.said) == said + 2
+    assert len(node.logged) == count + 2
 
 
-def test_an_unexpected_error_is_said_and_leaves_nothing(make, monkeypatch):
-    """In configuring, where rclpy is silent; the node can be configured later."""
+def test_an_unexpected_error_in_configure_is_logged(make, monkeypatch):
+    """Rclpy does not log it; no endpoints are left, and the node can be configured later."""
     node = make()
-    before = everything_of(node)
+    before = endpoints_of(node)
 
     def fail():
         raise ZeroDivisionError('a bug of ours')
 
     with monkeypatch.context() as broken:
-        broken.setattr(pose_work, 'warm_up', fail)
+        broken.setattr(pipeline, 'warm_up', fail)
         assert node.trigger_configure() == ERROR
     assert state_of(node) == 'unconfigured'
-    assert everything_of(node) == before
-    (line,) = node.said
+    assert endpoints_of(node) == before
+    (line,) = node.logged
     assert line.startswith('not configured: Traceback')
     assert 'ZeroDivisionError: a bug of ours' in line
-    assert node.trigger_configure() == DONE
+    assert node.trigger_configure() == SUCCESS
 
 
-def test_an_unexpected_error_in_activating_is_said(make, monkeypatch):
-    """Then all is taken down, as rclpy has it."""
+def test_an_unexpected_error_in_activate_is_logged(make, monkeypatch):
+    """Rclpy continues with on_error, which destroys all endpoints."""
     node = make()
-    before = everything_of(node)
-    assert node.trigger_configure() == DONE
+    before = endpoints_of(node)
+    assert node.trigger_configure() == SUCCESS
 
     def fail(*_):
         raise ZeroDivisionError('a bug of ours')
 
-    monkeypatch.setattr(pose_work.Inputs, 'subscribe', fail)
-    said = len(node.said)
+    monkeypatch.setattr(pipeline, 'detection_array_type', fail)
+    count = len(node.logged)
     assert node.trigger_activate() == ERROR
     assert state_of(node) == 'unconfigured'
-    assert everything_of(node) == before
-    assert [line.partition(':')[0] for line in node.said[said:]] == ['not activated']
+    assert endpoints_of(node) == before
+    assert [line.partition(':')[0] for line in node.logged[count:]] == ['not activated']
 
 
 @pytest.mark.parametrize('state', ['unconfigured', 'inactive', 'active'])
-def test_shutting_down_takes_everything_down(make, state):
-    """From wherever the node is."""
+def test_shutdown_destroys_all_endpoints(make, state):
+    """From any state."""
     node = make()
-    before = everything_of(node)
+    before = endpoints_of(node)
     if state != 'unconfigured':
-        assert node.trigger_configure() == DONE
-        assert len(everything_of(node)) > len(before)
+        assert node.trigger_configure() == SUCCESS
+        assert len(endpoints_of(node)) > len(before)
     if state == 'active':
-        assert node.trigger_activate() == DONE
-    assert node.trigger_shutdown() == DONE
+        assert node.trigger_activate() == SUCCESS
+    assert node.trigger_shutdown() == SUCCESS
     assert state_of(node) == 'finalized'
-    assert everything_of(node) == before
+    assert endpoints_of(node) == before
 
 
-def test_a_node_that_is_taken_down_guards_its_parameters_no_more(make):
-    """What its camera needs is asked when it is configured again."""
+def test_cleanup_removes_the_guard_of_parameters(make):
+    """The mode fixed needs a camera only when the node is configured again."""
     node = make()
     fixed = [Parameter('intrinsics.mode', value='fixed')]
-    assert node.trigger_configure() == DONE
+    assert node.trigger_configure() == SUCCESS
     assert not node.set_parameters_atomically(fixed).successful
-    assert node.trigger_cleanup() == DONE
+    assert node.trigger_cleanup() == SUCCESS
     assert node.set_parameters_atomically(fixed).successful
-    assert node.trigger_configure() == REFUSED
-    assert 'not configured: lifecycle_pose_node: intrinsics.focal_px' in node.said[-1]
+    assert node.trigger_configure() == FAILURE
+    assert 'not configured: lifecycle_pose_node: intrinsics.focal_px' in node.logged[-1]
 
 
-def test_an_override_of_no_endpoint_is_warned_of_once(make):
-    """When the node has had all of its endpoints, which it has not until it listens."""
+def test_an_unused_override_is_warned_of_once(make):
+    """After the first activate, when all endpoints have been created."""
     unused = 'qos_overrides./managed/corner.subscription.depth'
     node = make(**{unused: 7, f'{CORNERS}.depth': 7})
-    assert node.trigger_configure() == DONE
-    assert not node.said
+    assert node.trigger_configure() == SUCCESS
+    assert not node.logged
     for _ in range(2):
-        assert node.trigger_activate() == DONE
-        assert node.said == [
+        assert node.trigger_activate() == SUCCESS
+        assert node.logged == [
             f'unknown parameter {unused} is ignored (did you mean {CORNERS}.depth?)'
         ]
-        assert node.trigger_deactivate() == DONE
+        assert node.trigger_deactivate() == SUCCESS

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The nodes' pages in docs/ are in step with the nodes, their parameters, and config/."""
+"""The pages of the nodes in docs/ agree with the nodes, their parameters and config/."""
 
 import ast
 from pathlib import Path
@@ -9,13 +9,10 @@ import re
 import subprocess
 import sys
 
-from p4pfr_ros.core.one_view.results import Status
+from p4pfr_ros import Status
 from p4pfr_ros.ros.parameters.declare import flattened
-from p4pfr_ros.ros.parameters.image_node_options import (
-    CameraSimulatorOptions,
-    DetectorNodeOptions,
-    PoseNodeOptions,
-)
+from p4pfr_ros.ros.parameters.image_node_options import CameraSimulatorOptions, DetectorNodeOptions
+from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
 from p4pfr_ros.ros.pose.health import Health
 import pytest
 import yaml
@@ -28,16 +25,16 @@ NODES = {
     'camera_simulator': CameraSimulatorOptions(),
 }
 ROS_SOURCES = {p for p in (ROOT / 'p4pfr_ros' / 'ros').rglob('*.py') if p.parent.name != 'demo'}
-PICTURES = {
+DETECTOR = {
     ROOT / 'p4pfr_ros' / 'ros' / 'detector_node.py',
     ROOT / 'p4pfr_ros' / 'files' / 'pixel_formats.py',
 }
 SIMULATOR = {ROOT / 'p4pfr_ros' / 'ros' / 'camera_simulator.py'}
-# Why an estimate has no model.
+# The status of an estimate without a model.
 NO_MODEL = {Status.COLLINEAR, Status.NO_SOLUTION, Status.NO_CONSENSUS}
 SOURCES = {
-    'pose_node': ROS_SOURCES - PICTURES - SIMULATOR,
-    'detector_node': PICTURES,
+    'pose_node': ROS_SOURCES - DETECTOR - SIMULATOR,
+    'detector_node': DETECTOR,
     'camera_simulator': SIMULATOR,
 }
 every_node = pytest.mark.parametrize('node', NODES)
@@ -45,25 +42,25 @@ every_node = pytest.mark.parametrize('node', NODES)
 
 @pytest.fixture
 def scripts(monkeypatch):
-    """Let scripts of docs/ be imported."""
+    """Make the scripts of docs/ importable."""
     monkeypatch.syspath_prepend(DOCS)
 
 
 @pytest.mark.dds
-def test_the_tables_are_what_live_nodes_have():
-    """Names, types and QoS of topics and services, and all parameters: nothing is forgotten."""
+def test_the_tables_agree_with_running_nodes():
+    """Names, types and QoS of topics and services, and all parameters."""
     command = [sys.executable, DOCS / 'write_node_pages.py', '--check']
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (run.returncode, run.stdout) == (0, ''), run.stderr
 
 
-def test_what_is_written_by_hand_is_kept(scripts):
-    """Only what stands between the marks is replaced; a page must have each part once."""
+def test_only_generated_parts_are_replaced(scripts):
+    """A page must have each part once."""
     from write_node_pages import filled
 
-    page = 'above\n<!-- made: one -->\nold\n<!-- end of one -->\nbelow\n'
+    page = 'above\n<!-- generated: one -->\nold\n<!-- end: one -->\nbelow\n'
     new = filled(page, {'one': r'| \1 |'})
-    assert new == 'above\n<!-- made: one -->\n\n| \\1 |\n\n<!-- end of one -->\nbelow\n'
+    assert new == 'above\n<!-- generated: one -->\n\n| \\1 |\n\n<!-- end: one -->\nbelow\n'
     assert filled(new, {'one': r'| \1 |'}) == new
     for parts in ({}, {'two': ''}, {'one': '', 'two': ''}):
         with pytest.raises(ValueError, match='expected the parts'):
@@ -72,37 +69,37 @@ def test_what_is_written_by_hand_is_kept(scripts):
         filled(page + page, {'one': ''})
 
 
-def test_a_topic_without_words_is_an_error(scripts):
-    """And so are words without a topic."""
+def test_a_topic_without_a_description_is_an_error(scripts):
+    """So is a description without a topic."""
     from node_pages.interfaces import Endpoint, Role
     from node_pages.tables import interface
 
-    seen = Endpoint(Role.IN, 'seen', 'a_msgs/A', 'reliable')
-    table = interface('a_node', [seen], {'seen': 'What is a | b.'})
-    assert table.splitlines()[-1] == r'| `seen` | a_msgs/A | reliable | What is a \| b. |'
-    for words in ({}, {'seen': '', 'hidden': ''}):
-        with pytest.raises(ValueError, match=r'a_node and its words differ in (seen|hidden)$'):
-            interface('a_node', [seen], words)
+    topic = Endpoint(Role.IN, 'points', 'a_msgs/A', 'reliable')
+    table = interface('a_node', [topic], {'points': 'Either a | b.'})
+    assert table.splitlines()[-1] == r'| `points` | a_msgs/A | reliable | Either a \| b. |'
+    for given in ({}, {'points': '', 'other': ''}):
+        with pytest.raises(ValueError, match=r'descriptions differ in (points|other)$'):
+            interface('a_node', [topic], given)
 
 
 @every_node
 def test_every_cause_is_explained(node):
-    """The page has each cause for which a message is rejected or remarked upon, and no other."""
+    """The page lists each cause of a rejection or a notice, and no other."""
     causes = {cause for path in SOURCES[node] for cause in _causes(path)}
     if node == 'pose_node':
-        causes |= {stop.name.lower() for stop in NO_MODEL}
+        causes |= {status.name.lower() for status in NO_MODEL}
     assert _first_cells(node, '| cause |') == causes
 
 
 def test_every_value_on_diagnostics_is_explained():
-    """By its name; those of causes are explained as causes."""
+    """Except the counts of rejections, which are explained by cause."""
     values = Health(0.0).status(0.0).values
     assert _first_cells('pose_node', '| value |') == set(values)
 
 
 @every_node
-def test_examples_are_of_parameters_that_there_are(node):
-    """Of the right type, as ROS is strict about."""
+def test_parameters_in_examples_exist(node):
+    """With values of the right type."""
     known = {name: value for name, value, _ in flattened(NODES[node])}
     examples = re.findall(r'```yaml\n(.*?)```', _page(node), re.DOTALL)
     assert examples
@@ -114,8 +111,8 @@ def test_examples_are_of_parameters_that_there_are(node):
 
 
 @every_node
-def test_links_lead_somewhere(node):
-    """To files of ours, and to headings of the page."""
+def test_links_are_valid(node):
+    """To files, and to headings of the page."""
     page = _page(node)
     headings = re.findall(r'^#+ (.*)$', page, re.MULTILINE)
     anchors = {re.sub(r'[^\w\- ]', '', heading).lower().replace(' ', '-') for heading in headings}
@@ -124,8 +121,8 @@ def test_links_lead_somewhere(node):
 
 
 @every_node
-def test_config_files_say_what_is_allowed(node, scripts):
-    """As the page does, after the description: range or choices, and whether it is read-only."""
+def test_config_files_list_the_valid_values(node, scripts):
+    """As the page, after the description: range or choices, and whether it is read-only."""
     from node_pages.tables import allowed
 
     lines = (ROOT / 'config' / f'{node}.yaml').read_text().splitlines()
@@ -142,18 +139,20 @@ def _page(node):
 
 
 def _first_cells(node, head):
-    """Return what stands in backticks in the first column of a table."""
+    """Return the names in backticks in the first column of a table."""
     table = _page(node).partition(f'\n{head}')[2].partition('\n\n')[0]
     cells = [line.split('|')[1] for line in table.splitlines()[2:]]
     return {name for cell in cells for name in re.findall(r'`(\w+)`', cell)}
 
 
 def _causes(path):
-    """Yield the causes that a file gives."""
+    """Yield the causes in a file."""
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             cause = node.args[0] if node.args else None
-            named = node.func.id in ('Rejected', 'Unreadable') and isinstance(cause, ast.Constant)
+            named = node.func.id in ('Rejected', 'Notice', 'Unreadable') and isinstance(
+                cause, ast.Constant
+            )
             if named:
                 yield cause.value
 

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Thirteen real photographs through detector_node and pose_node, one view at a time."""
+"""Thirteen real photographs through detector_node and pose_node."""
 
 import os
 from pathlib import Path
@@ -33,7 +33,7 @@ def photos():
 
 
 def _distances_by_opencv(photos):
-    """Calibrate OpenCV's camera by all of them; return how far each board's centre is."""
+    """Calibrate with OpenCV on all photographs; return the distance of each board's centre."""
     x, y = np.meshgrid(np.arange(9) - 4.0, np.arange(6) - 2.5)
     board = 0.025 * np.stack([x, y, 0.0 * x], axis=-1).reshape(-1, 3).astype(np.float32)
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
@@ -50,13 +50,13 @@ def _distances_by_opencv(photos):
 
 
 def test_thirteen_photographs_give_thirteen_poses(peer, tmp_path, photos):
-    """Stamps and frames are kept, and each distance is that of OpenCV's full calibration."""
+    """With their stamps and frames, and the distances of OpenCV's full calibration."""
     board_file = tmp_path / 'board.yaml'
     board_file.write_text(BOARD_YAML)
-    poses = peer.listen(PoseStamped, 'pose_node/pose')
+    poses = peer.subscribe(PoseStamped, 'pose_node/pose')
     image = peer.publisher(Image, 'image')
     camera_info = peer.publisher(CameraInfo, 'camera_info')
-    # Nothing may be lost here, so what is best effort by default is made reliable.
+    # No message may be lost, so the subscriptions are made reliable.
     reliable = {
         f'qos_overrides.{peer.namespace}/{topic}.subscription.reliability': 'reliable'
         for topic in ('image', 'correspondences', 'camera_info')
@@ -68,14 +68,14 @@ def test_thirteen_photographs_give_thirteen_poses(peer, tmp_path, photos):
     info = scenes.camera_info(photos[0].shape[::-1])
     assert image_frame_from_msg(info).size == (640, 480)
     camera_info.publish(info)
-    # The first picture is shown until its pose comes back: the three have found each other.
+    # The first image is published until its pose arrives: all nodes have discovered each other.
     first = image_msg(scenes.header(1, 'warm_up'), photos[0])
     peer.until(lambda: poses, meanwhile=lambda: image.publish(first), every_s=0.5)
     for index, photo in enumerate(photos):
         image.publish(image_msg(scenes.header(100 + index, f'camera_{index}'), photo))
-        peer.until(lambda count=index + 1: len(_answers(poses)) >= count)
-    peer.quiet(0.2)
-    poses = _answers(poses)
+        peer.until(lambda count=index + 1: len(_measured(poses)) >= count)
+    peer.spin_for(0.2)
+    poses = _measured(poses)
     assert [(p.header.stamp.sec, p.header.frame_id) for p in poses] == [
         (100 + index, f'camera_{index}') for index in range(13)
     ]
@@ -84,5 +84,5 @@ def test_thirteen_photographs_give_thirteen_poses(peer, tmp_path, photos):
     np.testing.assert_allclose(ratios, 1.0, atol=0.06)
 
 
-def _answers(poses):
+def _measured(poses):
     return [p for p in poses if p.header.frame_id != 'warm_up']

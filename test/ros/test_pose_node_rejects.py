@@ -1,41 +1,41 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""pose_node over DDS: what it rejects, says, counts and survives."""
+"""pose_node over DDS: rejected messages, their log lines and counts."""
 
 import numpy as np
 from p4pfr_ros.ros.conversions import cloud_msg, pose_from_msg
+from pose_node_client import assert_close, PoseNodeClient
 import pytest
 import scenes
-from talk import assert_close, Talk
 
 pytestmark = pytest.mark.dds
 
 
 @pytest.fixture(scope='module')
-def talk(module_peer):
-    """One pose_node for the whole module: it has to survive all of its tests."""
+def client(module_peer):
+    """One pose_node for the whole module, which must survive all tests."""
     parameters = {'marker.size_m': scenes.MARKER_M}
-    return Talk(module_peer, parameters=parameters).open()
+    return PoseNodeClient(module_peer, parameters=parameters).wait_ready()
 
 
 BAD_POLYGONS = {
-    'three points': (scenes.seen(scenes.ARUCO)[:3], 'point_count'),
-    'five points': (np.vstack([scenes.seen(scenes.ARUCO), [[9.0, 9.0]]]), 'point_count'),
+    'three points': (scenes.project(scenes.ARUCO)[:3], 'point_count'),
+    'five points': (np.vstack([scenes.project(scenes.ARUCO), [[9.0, 9.0]]]), 'point_count'),
     'none': (np.empty((0, 2)), 'point_count'),
     'NaN': (np.full((4, 2), np.nan), 'not_finite'),
     'infinity': (np.full((4, 2), np.inf), 'not_finite'),
-    'absurd': (np.full((4, 2), 1e30), 'out_of_range'),
-    'all in one place': (np.full((4, 2), 100.0), 'no_solution'),
-    'outside the picture': (scenes.seen(scenes.ARUCO) + 500.0, 'outside_picture'),
+    'too large': (np.full((4, 2), 1e30), 'out_of_range'),
+    'coincident': (np.full((4, 2), 100.0), 'no_solution'),
+    'outside the image': (scenes.project(scenes.ARUCO) + 500.0, 'outside_image'),
 }
 
 
 @pytest.mark.parametrize('name', BAD_POLYGONS)
-def test_bad_corners_are_counted_and_the_next_good_ones_answered(talk, name):
-    """Bad corners are rejected by cause; the node lives on."""
+def test_invalid_corners_are_rejected(client, name):
+    """They are counted by cause, and the next valid message is estimated."""
     points, cause = BAD_POLYGONS[name]
-    _assert_rejected(talk, talk.corners, scenes.polygon(6, points), cause)
+    _assert_rejected(client, client.corners, scenes.polygon(6, points), cause)
 
 
 def _field_missing(msg):
@@ -68,7 +68,7 @@ def _empty(msg):
 
 
 def _not_a_number(msg):
-    # The first coordinate's exponent, all ones.
+    # All bits of the exponent of the first coordinate.
     msg.data[6], msg.data[7] = 0xF8, 0x7F
 
 
@@ -85,38 +85,38 @@ BAD_CLOUDS = {
 
 
 @pytest.mark.parametrize('spoil', BAD_CLOUDS, ids=lambda f: f.__name__)
-def test_a_bad_cloud_is_counted_and_the_next_good_one_answered(talk, spoil):
-    """A bad cloud is rejected by cause; the node lives on."""
+def test_an_invalid_cloud_is_rejected(client, spoil):
+    """It is counted by cause, and the next valid message is estimated."""
     msg = scenes.board_cloud(7)
     spoil(msg)
-    _assert_rejected(talk, talk.cloud, msg, BAD_CLOUDS[spoil])
+    _assert_rejected(client, client.cloud, msg, BAD_CLOUDS[spoil])
 
 
-def test_points_on_a_line_are_counted(talk):
-    """What the solver has no answer to is counted by the solver's reason."""
+def test_collinear_points_are_rejected(client):
+    """The cause is the status of the estimate."""
     line = np.column_stack([np.linspace(-0.1, 0.1, 8), np.zeros(8)])
-    msg = cloud_msg(scenes.header(8), scenes.seen(line), line, np.arange(8))
-    _assert_rejected(talk, talk.cloud, msg, 'collinear')
+    msg = cloud_msg(scenes.header(8), scenes.project(line), line, np.arange(8))
+    _assert_rejected(client, client.cloud, msg, 'collinear')
 
 
-def test_a_cause_that_goes_on_is_said_again_with_its_count(talk):
-    """A flood of bad messages makes a line every five seconds, not a line each."""
+def test_a_repeated_cause_is_logged_again_with_its_count(client):
+    """Every five seconds, not for each message."""
     for _ in range(20):
-        talk.corners.publish(scenes.polygon(11, BAD_POLYGONS['three points'][0]))
-    talk.peer.until(
-        lambda: any('[point_count: ' in line and _count(line) > 10 for line in talk.lines()),
-        meanwhile=lambda: talk.corners.publish(scenes.polygon(11, [])),
+        client.corners.publish(scenes.polygon(11, BAD_POLYGONS['three points'][0]))
+    client.peer.until(
+        lambda: any('[point_count: ' in line and _count(line) > 10 for line in client.lines()),
+        meanwhile=lambda: client.corners.publish(scenes.polygon(11, [])),
     )
-    assert len([line for line in talk.lines() if '[point_count: ' in line]) <= 4
+    assert len([line for line in client.lines() if '[point_count: ' in line]) <= 4
 
 
-def _assert_rejected(talk, publisher, msg, cause):
+def _assert_rejected(client, publisher, msg, cause):
     publisher.publish(msg)
-    talk.peer.until(lambda: any(f'[{cause}: ' in line for line in talk.lines()))
-    pose, _, _ = talk.ask(scenes.board_cloud(9))
+    client.peer.until(lambda: any(f'[{cause}: ' in line for line in client.lines()))
+    pose, _, _ = client.estimate(scenes.board_cloud(9))
     assert_close(pose_from_msg(pose), scenes.CAMERA_FROM_BOARD)
-    assert not [p for p in talk.poses if p.header.stamp == msg.header.stamp]
-    assert talk.node.process.poll() is None
+    assert not [p for p in client.poses if p.header.stamp == msg.header.stamp]
+    assert client.node.process.poll() is None
 
 
 def _count(line):

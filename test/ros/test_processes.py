@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The life of a node's process: how it starts, what it says, how it ends."""
+"""Nodes as processes: start, signals, errors and exit status."""
 
 import os
 import signal
@@ -29,8 +29,8 @@ def board_file(tmp_path):
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
 @pytest.mark.parametrize('name', NODES)
-def test_a_signal_is_a_clean_end(peer, board_file, name, number):
-    """Exit status 0, and no traceback."""
+def test_a_signal_exits_cleanly(peer, board_file, name, number):
+    """With status 0 and without a traceback."""
     parameters = {} if name == 'pose_node' else {'board_file': board_file}
     node = peer.start(name, parameters=parameters)
     assert node.stop(number) == 0
@@ -45,14 +45,14 @@ from rclpy.node import Node
 from p4pfr_ros.ros.runtime.spin import run
 
 def make():
-    if '{moment}' == 'before the node':
+    if '{stage}' == 'before the node':
         os.kill(os.getpid(), signal.{number})
     node = Node('early')
-    if '{moment}' == 'after it':
+    if '{stage}' == 'after it':
         os.kill(os.getpid(), signal.{number})
-    if '{moment}' == 'while spinning':
+    if '{stage}' == 'while spinning':
         node.create_timer(0.01, lambda: os.kill(os.getpid(), signal.{number}))
-    if '{moment}' == 'while busy':
+    if '{stage}' == 'while busy':
         ends = time.monotonic() + 60.0
         os.kill(os.getpid(), signal.{number})
         while time.monotonic() < ends:
@@ -65,19 +65,19 @@ print('ended')
 """
 
 
-@pytest.mark.parametrize('moment', ['before the node', 'after it', 'while busy', 'while spinning'])
+@pytest.mark.parametrize('stage', ['before the node', 'after it', 'while busy', 'while spinning'])
 @pytest.mark.parametrize('number', ['SIGINT', 'SIGTERM'])
-def test_a_signal_at_any_stage_is_a_clean_end(number, moment):
-    """Start-up takes a while, and a launch file may change its mind in it."""
-    script = SIGNALLED.format(number=number, moment=moment)
+def test_a_signal_at_any_stage_exits_cleanly(number, stage):
+    """A launch file may be interrupted while nodes start."""
+    script = SIGNALLED.format(number=number, stage=stage)
     done = subprocess.run(
         [sys.executable, '-c', script], capture_output=True, text=True, timeout=50, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, 'ended\n', '')
 
 
-def test_signals_at_any_moment_of_the_start_are_a_clean_end(tmp_path):
-    """Sent ever later, until the node is long running."""
+def test_a_signal_at_any_time_of_the_start_exits_cleanly(tmp_path):
+    """With increasing delays, until the node is running."""
     for delay_s in (0.0, 0.01, 0.03, 0.06, 0.1, 0.2):
         process = subprocess.Popen(
             [
@@ -97,35 +97,35 @@ def test_signals_at_any_moment_of_the_start_are_a_clean_end(tmp_path):
         assert process.returncode == 0, (delay_s, errors)
 
 
-def _ends_by_itself(name, *arguments):
+def _exits(name, *arguments):
     command = [sys.executable, '-m', f'p4pfr_ros.ros.{name}', '--ros-args', *arguments]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     return done.returncode, done.stderr.strip()
 
 
 @pytest.mark.parametrize('name', ['detector_node', 'camera_simulator'])
-def test_without_a_board_file_a_node_says_what_it_needs(name):
+def test_a_missing_board_file_is_an_error(name):
     """One line, exit status 1."""
     expected = f'{name}: board_file: expected the path of a board YAML, got none'
-    assert _ends_by_itself(name) == (1, expected)
+    assert _exits(name) == (1, expected)
 
 
-def test_a_wrong_board_file_is_one_line(tmp_path):
-    """It names the file and the key; the markers are checked before the first picture."""
+def test_an_invalid_board_file_is_an_error_of_one_line(tmp_path):
+    """It names file and key; markers are checked before the first image."""
     path = tmp_path / 'board.yaml'
     path.write_text(BOARD.replace('columns', 'colums'))
-    status, line = _ends_by_itself('detector_node', '-p', f'board_file:={path}')
+    status, line = _exits('detector_node', '-p', f'board_file:={path}')
     assert status == 1
     assert line.startswith(f'{path}: boards.board.colums: ')
     assert '\n' not in line
     path.write_text('boards: {b: {type: marker, id: 9999, size_m: 0.1, dictionary: DICT_4X4_50}}')
-    status, line = _ends_by_itself('detector_node', '-p', f'board_file:={path}')
+    status, line = _exits('detector_node', '-p', f'board_file:={path}')
     assert (status, line.startswith(f'{path}: boards.b.id: expected')) == (1, True)
 
 
-def test_a_wrong_parameter_is_one_line():
+def test_an_invalid_parameter_is_an_error_of_one_line():
     """It names node and parameter."""
-    status, line = _ends_by_itself('pose_node', '-p', 'marker.size_m:=-1.0')
+    status, line = _exits('pose_node', '-p', 'marker.size_m:=-1.0')
     assert status == 1
     assert line.startswith('pose_node: marker.size_m: ')
     assert '\n' not in line
@@ -134,15 +134,15 @@ def test_a_wrong_parameter_is_one_line():
 @pytest.mark.parametrize(
     'arguments', [('--params-file', '/there/is/none.yaml'), ('-r', '__node:=no-name'), ('-p',)]
 )
-def test_wrong_ros_arguments_are_no_clean_end(arguments):
-    """A launch file must be able to tell."""
-    status, output = _ends_by_itself('pose_node', *arguments)
+def test_invalid_ros_arguments_exit_with_status_1(arguments):
+    """For launch files."""
+    status, output = _exits('pose_node', *arguments)
     assert status == 1
     assert output.splitlines()[-1].startswith('ROS arguments: ')
 
 
-def test_parameters_are_checked_over_the_wire(peer):
-    """A refused change says why to who asked for it."""
+def test_parameter_services_validate_changes(peer):
+    """The response of a rejected change has the reason."""
     peer.start('pose_node')
     client = AsyncParameterClient(peer.node, 'pose_node')
     peer.until(client.services_are_ready)
@@ -161,15 +161,15 @@ def test_parameters_are_checked_over_the_wire(peer):
 
 
 @pytest.mark.parametrize('name', NODES)
-def test_a_node_takes_its_config_file(peer, board_file, name):
-    """config/<node>.yaml is loaded as it is; nothing in it is unknown."""
+def test_a_node_reads_its_config_file(peer, board_file, name):
+    """config/<node>.yaml has no unknown parameter."""
     config = os.path.join(os.path.dirname(__file__), '../../config', f'{name}.yaml')
     parameters = {} if name == 'pose_node' else {'board_file': board_file}
     node = peer.start(name, params_file=config, parameters=parameters)
     assert 'unknown parameter' not in node.output
 
 
-def test_a_misspelt_parameter_is_pointed_out(peer):
-    """ROS itself would say nothing."""
+def test_a_misspelt_parameter_is_warned_of(peer):
+    """ROS itself ignores it silently."""
     node = peer.start('pose_node', parameters={'marker.size': 0.1})
     assert 'unknown parameter marker.size is ignored (did you mean marker.size_m?)' in node.output

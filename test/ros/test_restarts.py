@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What becomes of pose_node when those that it listens to die and return."""
+"""pose_node while detector and camera are killed and started again."""
 
 from pathlib import Path
 import signal
@@ -13,15 +13,15 @@ import pytest
 
 BOARDS = Path(__file__).resolve().parents[2] / 'config/boards'
 VIEWS = 12
-# Of the distance; far more than the median of a chessboard's views, far less than a wrong one's.
-CLOSE = 0.01
+# Share of the distance; much more than the median of a chessboard, much less than a wrong pose.
+MAX_ERROR = 0.01
 
 
 @pytest.mark.dds
 def test_poses_resume_when_detector_and_camera_return(peer):
-    """Both are killed, and started again; pose_node, which nobody tells, goes on rightly."""
-    poses = peer.listen(PoseStamped, 'pose_node/pose')
-    truths = peer.listen(PoseStamped, 'camera_simulator/pose_true')
+    """Both are killed and started again; pose_node keeps running."""
+    poses = peer.subscribe(PoseStamped, 'pose_node/pose')
+    truths = peer.subscribe(PoseStamped, 'camera_simulator/pose_true')
     board = {'board_file': BOARDS / 'chessboard_9x6_25mm.yaml'}
     parameters = {
         'detector_node': board,
@@ -32,7 +32,7 @@ def test_poses_resume_when_detector_and_camera_return(peer):
     _assert_right(peer, poses, truths)
     for other in others:
         assert other.stop(signal.SIGKILL) == -signal.SIGKILL
-    peer.quiet()
+    peer.spin_for()
     poses.clear()
     for other in others:
         assert poses == []
@@ -42,19 +42,19 @@ def test_poses_resume_when_detector_and_camera_return(peer):
 
 
 def _assert_right(peer, poses, truths):
-    """Wait for some poses of which the truth has come too; they are close to it."""
-    # Poses may come some time before anybody hears of a truth that is started anew.
+    """Wait for some poses with their truth; the median error is small."""
+    # Poses may arrive before the true poses of a restarted simulator.
     peer.until(lambda: len(_errors(poses, truths)) >= VIEWS)
-    assert np.median(_errors(poses, truths)) < CLOSE
+    assert np.median(_errors(poses, truths)) < MAX_ERROR
 
 
 def _errors(poses, truths):
-    """Return how far the poses (of a distance) are from the truth of the same stamp."""
+    """Return the position errors, as shares of the distance, of poses with a true pose."""
     true_at = {(m.header.stamp.sec, m.header.stamp.nanosec): pose_from_msg(m) for m in truths}
     errors = []
     for msg in poses:
         true = true_at.get((msg.header.stamp.sec, msg.header.stamp.nanosec))
         if true is not None:
-            away = np.linalg.norm(pose_from_msg(msg).translation - true.translation)
-            errors.append(away / np.linalg.norm(true.translation))
+            error_m = np.linalg.norm(pose_from_msg(msg).translation - true.translation)
+            errors.append(error_m / np.linalg.norm(true.translation))
     return errors

@@ -155,8 +155,7 @@ def camera_info_division_msg(
     f = camera.focal_px
     msg = _with_intrinsics(header, frame, (f, f), camera.center_px)
     msg.distortion_model = 'division'
-    higher_order = camera.k2 != 0.0 or camera.k3 != 0.0
-    msg.d = [camera.k, camera.k2, camera.k3] if higher_order else [camera.k]
+    msg.d = [camera.k] if camera.order == 1 else [camera.k, camera.k2, camera.k3]
     return msg
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""PointCloud2 to correspondences and back, without a network."""
+"""PointCloud2 to correspondences and back."""
 
 from array import array
 
@@ -17,8 +17,8 @@ IMAGE, BOARD = RNG.uniform(0, 640, (12, 2)), RNG.uniform(-0.2, 0.2, (12, 2))
 IDS = RNG.permutation(12)
 
 
-def test_a_cloud_holds_its_correspondences_to_the_last_bit():
-    """There and back: nothing is rounded."""
+def test_a_cloud_keeps_its_correspondences_bit_for_bit():
+    """Round trip without rounding."""
     points = correspondences_from_cloud(cloud_msg(scenes.header(1), IMAGE, BOARD, IDS))
     np.testing.assert_array_equal(points.image_points, IMAGE)
     np.testing.assert_array_equal(points.board_points, BOARD)
@@ -30,8 +30,8 @@ def test_a_cloud_holds_its_correspondences_to_the_last_bit():
 @pytest.mark.parametrize('point_padding', [0, 5])
 @pytest.mark.parametrize('order', '<>')
 @pytest.mark.parametrize('size', [4, 8])
-def test_every_layout_of_a_cloud_is_read(size, order, point_padding, row_padding, shape):
-    """Field order, offsets, padding, byte order and shape are the sender's choice."""
+def test_any_layout_of_a_cloud_is_read(size, order, point_padding, row_padding, shape):
+    """Any field order, offsets, padding, byte order and shape."""
     names = ['board_y', 'id', 'u', 'board_x', 'v']
     formats = ['u1' if n == 'id' else f'{order}f{size}' for n in names]
     offsets = [3 + i * (size + 2) for i in range(5)]
@@ -59,15 +59,15 @@ def test_every_layout_of_a_cloud_is_read(size, order, point_padding, row_padding
 
 
 def test_the_id_is_optional():
-    """Without ids, points are numbered as they come."""
+    """Without ids, points are numbered in their order."""
     msg = cloud_msg(scenes.header(1), IMAGE, BOARD, IDS)
     msg.fields = [f for f in msg.fields if f.name != 'id']
     np.testing.assert_array_equal(correspondences_from_cloud(msg).ids, np.arange(12))
 
 
 @pytest.mark.parametrize('board', [0, 3])
-def test_a_board_of_several_keeps_its_number(board):
-    """It is a field of its own, which a board that is alone does not have."""
+def test_the_board_index_is_an_optional_field(board):
+    """A single board has no such field."""
     msg = cloud_msg(scenes.header(1), IMAGE, BOARD, IDS, board)
     assert [f.name for f in msg.fields] == ['u', 'v', 'board_x', 'board_y', 'id', 'board']
     points = correspondences_from_cloud(msg)
@@ -79,23 +79,23 @@ def test_a_board_of_several_keeps_its_number(board):
     assert correspondences_from_cloud(alone).board is None
 
 
-def test_a_cloud_is_of_one_board():
-    """Points of two boards have no pose in common; an unseen point is of none."""
+def test_a_cloud_has_points_of_one_board():
+    """Points that were not detected do not count."""
     clouds = [cloud_msg(scenes.header(1), IMAGE, BOARD, IDS, board) for board in (2, 5)]
     step = clouds[0].point_step
     mixed = clouds[0]
     mixed.data[-step:] = clouds[1].data[-step:]
-    answer = correspondences_from_cloud(mixed)
-    assert answer.cause == 'boards'
-    assert answer.reason.endswith('expected one board in a cloud, got the boards 2, 5')
+    rejected = correspondences_from_cloud(mixed)
+    assert rejected.cause == 'boards'
+    assert rejected.reason.endswith('expected points of one board, got points of boards 2, 5')
     mixed.data[-step : 8 - step] = array('B', np.array([np.nan]).tobytes())
     mixed.is_dense = False
     points = correspondences_from_cloud(mixed)
     assert (points.board, len(points.ids)) == (2, 11)
 
 
-def test_unseen_points_of_a_cloud_that_is_not_dense_are_left_out():
-    """NaN means 'not seen' where the cloud says so, and is an error where it does not."""
+def test_nan_points_of_a_cloud_that_is_not_dense_are_left_out():
+    """With is_dense, NaN is an error."""
     image = IMAGE.copy()
     image[[2, 5]] = np.nan
     msg = cloud_msg(scenes.header(1), image, BOARD, IDS)
@@ -156,21 +156,21 @@ def _far_away(msg):
         (_set(data=[]), 'truncated'),
     ],
 )
-def test_a_cloud_that_cannot_be_read_says_why(spoil, cause):
-    """Whatever is wrong with a cloud has a cause and a sentence."""
+def test_an_invalid_cloud_is_rejected_with_cause_and_reason(spoil, cause):
+    """The reason is a sentence that names the topic."""
     msg = cloud_msg(scenes.header(1), IMAGE, BOARD, IDS, board=1)
     spoil(msg)
-    answer = correspondences_from_cloud(msg)
-    assert isinstance(answer, Rejected)
-    assert answer.cause == cause
-    assert answer.reason.startswith('correspondences: ')
+    rejected = correspondences_from_cloud(msg)
+    assert isinstance(rejected, Rejected)
+    assert rejected.cause == cause
+    assert rejected.reason.startswith('correspondences: ')
 
 
 def test_fuzzed_clouds_never_raise():
-    """A thousand clouds with random fields are read or rejected."""
+    """1000 clouds with random fields are converted or rejected."""
     rng = np.random.default_rng(11)
     numbers = [0, 1, 3, 7, 8, 9, 12, 16, 32, 36, 39, 40, 100, 480, 2**31, 2**32 - 1]
-    answered = 0
+    converted = 0
     for _ in range(1000):
         msg = cloud_msg(scenes.header(1), IMAGE, BOARD, IDS, board=1)
         for name in rng.choice(['height', 'width', 'point_step', 'row_step'], 1):
@@ -179,5 +179,5 @@ def test_fuzzed_clouds_never_raise():
         field.offset, field.datatype = int(rng.choice(numbers)), int(rng.integers(0, 10))
         msg.is_bigendian, msg.is_dense = bool(rng.integers(2)), bool(rng.integers(2))
         msg.data = msg.data[: int(rng.choice([0, 1, 40, 479, 480, 480, 480]))]
-        answered += not isinstance(correspondences_from_cloud(msg), Rejected)
-    assert 0 < answered < 1000
+        converted += not isinstance(correspondences_from_cloud(msg), Rejected)
+    assert 0 < converted < 1000

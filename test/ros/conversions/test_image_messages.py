@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every encoding of a picture comes out as the same grey or BGR picture."""
+"""Image messages of every encoding to grey or BGR arrays, and back."""
 
 from array import array
 import struct
@@ -17,18 +17,18 @@ from sensor_msgs.msg import CompressedImage, Image
 HEIGHT, WIDTH = 12, 16
 
 
-def _picture():
-    """Make a colourful picture that is smooth enough for half the colours to tell the rest."""
+def _image_array():
+    """Make a colourful image that is smooth enough for subsampled colours."""
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH]
     return np.stack([40 + 6 * x, 200 - 5 * y, 60 + 4 * x + 3 * y], axis=-1).astype(np.uint8)
 
 
-BGR = _picture()
+BGR = _image_array()
 GREY = BGR[..., 1]
 
 
 def _image(encoding, pixels, *, padding=0, big_endian=False):
-    """Make a message of pixels (h, w) or (h, w, channels), rows padded with rubbish."""
+    """Make a message of pixels (h, w) or (h, w, channels), rows padded with garbage."""
     pixels = np.ascontiguousarray(pixels)
     if pixels.dtype == np.uint16:
         pixels = pixels.astype('>u2' if big_endian else '<u2')
@@ -58,7 +58,7 @@ def _alpha(pixels):
     ],
 )
 def test_eight_bits_are_kept(encoding, pixels, expected, padding):
-    """Grey stays grey and colours come out as BGR, whatever their order and padding."""
+    """Grey stays grey, colours become BGR, with any channel order and padding."""
     np.testing.assert_array_equal(
         image_from_msg(_image(encoding, pixels, padding=padding)), expected
     )
@@ -75,7 +75,7 @@ def test_eight_bits_are_kept(encoding, pixels, expected, padding):
     ],
 )
 def test_sixteen_bits_are_scaled(encoding, pixels, expected, big_endian):
-    """65535 becomes 255, in either byte order; the lower byte is lost."""
+    """65535 becomes 255, in either byte order; the lower byte is dropped."""
     lower = np.arange(pixels.size, dtype=np.uint16).reshape(pixels.shape) * 37 % 256
     deep = pixels.astype(np.uint16) * 256 + lower
     msg = _image(encoding, deep, padding=6, big_endian=big_endian)
@@ -84,36 +84,36 @@ def test_sixteen_bits_are_scaled(encoding, pixels, expected, big_endian):
 
 @pytest.mark.parametrize('bits', [8, 16])
 @pytest.mark.parametrize('pattern', ['rggb', 'bggr', 'gbrg', 'grbg'])
-def test_bayer_patterns_give_the_colours_back(pattern, bits):
-    """The name says which colour the four pixels at the top left have."""
+def test_bayer_patterns_are_decoded(pattern, bits):
+    """The name lists the colours of the four pixels at the top left."""
     mosaic = np.empty((HEIGHT, WIDTH), np.uint8)
     for index, colour in enumerate(pattern):
         at = np.s_[index // 2 :: 2, index % 2 :: 2]
         mosaic[at] = BGR[..., 'bgr'.index(colour)][at]
     pixels = mosaic if bits == 8 else mosaic.astype(np.uint16) * 257
-    seen = image_from_msg(_image(f'bayer_{pattern}{bits}', pixels))
+    decoded = image_from_msg(_image(f'bayer_{pattern}{bits}', pixels))
     inside = np.s_[2:-2, 2:-2]
-    np.testing.assert_allclose(seen[inside].astype(int), BGR[inside].astype(int), atol=6)
+    np.testing.assert_allclose(decoded[inside].astype(int), BGR[inside].astype(int), atol=6)
 
 
 @pytest.mark.parametrize(
     ('encoding', 'luma_first'),
     [('yuv422', False), ('uyvy', False), ('yuv422_yuy2', True), ('yuyv', True)],
 )
-def test_yuv_gives_the_colours_back(encoding, luma_first):
-    """Two pixels share their colour; which byte is the brightness, the name says."""
+def test_yuv_is_decoded(encoding, luma_first):
+    """Two pixels share their chroma; the encoding gives the order of luma and chroma."""
     y, u, v = _yuv(BGR)
     packed = np.empty((HEIGHT, WIDTH, 2), np.uint8)
     luma, chroma = (0, 1) if luma_first else (1, 0)
     packed[..., luma] = y
     packed[:, 0::2, chroma] = u[:, 0::2]
     packed[:, 1::2, chroma] = v[:, 0::2]
-    seen = image_from_msg(_image(encoding, packed, padding=4))
-    np.testing.assert_allclose(seen.astype(int), BGR.astype(int), atol=8)
+    decoded = image_from_msg(_image(encoding, packed, padding=4))
+    np.testing.assert_allclose(decoded.astype(int), BGR.astype(int), atol=8)
 
 
 def _yuv(bgr):
-    """Convert by ITU-R BT.601, studio range."""
+    """Convert with ITU-R BT.601, studio range."""
     b, g, r = np.moveaxis(bgr.astype(float), -1, 0)
     y = 16 + (65.738 * r + 129.057 * g + 25.064 * b) / 256
     u = 128 + (-37.945 * r - 74.494 * g + 112.439 * b) / 256
@@ -135,44 +135,44 @@ def _yuv(bgr):
         ({'encoding': 'yuv422', 'width': 7}, 'layout'),
     ],
 )
-def test_a_picture_that_cannot_be_read_says_why(changes, cause):
-    """Whatever is wrong with a picture has a cause and a sentence."""
+def test_an_invalid_image_is_rejected_with_cause_and_reason(changes, cause):
+    """The reason is a sentence that names the topic."""
     msg = _image('mono8', GREY)
     for name, value in changes.items():
         setattr(msg, name, value)
-    answer = image_from_msg(msg)
-    assert isinstance(answer, Rejected)
-    assert answer.cause == cause
-    assert answer.reason.startswith('image: ')
+    rejected = image_from_msg(msg)
+    assert isinstance(rejected, Rejected)
+    assert rejected.cause == cause
+    assert rejected.reason.startswith('image: ')
 
 
-@pytest.mark.parametrize('picture', [GREY, BGR], ids=['grey', 'colour'])
-def test_a_picture_survives_its_message(picture):
-    """There and back."""
-    np.testing.assert_array_equal(image_from_msg(image_msg(scenes.header(1), picture)), picture)
+@pytest.mark.parametrize('image', [GREY, BGR], ids=['grey', 'colour'])
+def test_an_image_survives_its_message(image):
+    """Round trip."""
+    np.testing.assert_array_equal(image_from_msg(image_msg(scenes.header(1), image)), image)
 
 
-def test_compressed_pictures_are_read():
-    """PNG to the last bit, JPEG nearly; rubbish is rejected."""
+def test_compressed_images_are_decoded():
+    """PNG exactly, JPEG approximately; garbage is rejected."""
     png = cv2.imencode('.png', BGR)[1].tobytes()
     np.testing.assert_array_equal(image_from_compressed(_compressed('png', png)), BGR)
     jpeg = cv2.imencode('.jpg', BGR, [cv2.IMWRITE_JPEG_QUALITY, 98])[1].tobytes()
-    seen = image_from_compressed(_compressed('bgr8; jpeg compressed bgr8', jpeg))
-    np.testing.assert_allclose(seen.astype(int), BGR.astype(int), atol=12)
-    for data in (b'', b'rubbish', png[:40]):
+    decoded = image_from_compressed(_compressed('bgr8; jpeg compressed bgr8', jpeg))
+    np.testing.assert_allclose(decoded.astype(int), BGR.astype(int), atol=12)
+    for data in (b'', b'garbage', png[:40]):
         assert image_from_compressed(_compressed('png', data)).cause == 'encoding'
 
 
-def test_compressed_pictures_keep_the_cameras_pixels():
-    """A rotation that is noted in the file is not applied, as in pictures from disk."""
+def test_the_exif_orientation_is_not_applied():
+    """The camera model refers to the sensor's pixels."""
     jpeg = cv2.imencode('.jpg', BGR)[1].tobytes()
-    # EXIF, a directory with one entry: orientation (0x112), one short, 6: a quarter turn.
+    # EXIF, a directory with one entry: orientation (0x112), one short, 6: rotated by 90 degrees.
     entry = struct.pack('<HHIHH', 0x112, 3, 1, 6, 0)
     exif = b'Exif\0\0II*\0' + struct.pack('<IH', 8, 1) + entry + bytes(4)
-    turned = jpeg[:2] + b'\xff\xe1' + struct.pack('>H', 2 + len(exif)) + exif + jpeg[2:]
-    assert cv2.imdecode(np.frombuffer(turned, np.uint8), cv2.IMREAD_COLOR).shape[0] == WIDTH
+    rotated = jpeg[:2] + b'\xff\xe1' + struct.pack('>H', 2 + len(exif)) + exif + jpeg[2:]
+    assert cv2.imdecode(np.frombuffer(rotated, np.uint8), cv2.IMREAD_COLOR).shape[0] == WIDTH
     np.testing.assert_array_equal(
-        image_from_compressed(_compressed('jpeg', turned)),
+        image_from_compressed(_compressed('jpeg', rotated)),
         image_from_compressed(_compressed('jpeg', jpeg)),
     )
 

@@ -1,15 +1,14 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Markers: what RViz and Foxglove draw is where the camera saw it."""
+"""Markers for RViz and Foxglove: their geometry projects to the observed points."""
 
 from dataclasses import replace
 
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, Observability, Pose
 from p4pfr_ros.ros.conversions import Correspondences
-from p4pfr_ros.ros.conversions.markers import markers_msg
-from p4pfr_ros.ros.conversions.residual_colors import ramp_colors
+from p4pfr_ros.ros.conversions.markers import markers_msg, ramp_colors
 import pytest
 import scenes
 from visualization_msgs.msg import Marker
@@ -19,9 +18,9 @@ WIDE = DivisionCamera(300.0, (319.5, 239.5), -0.35)
 
 
 def view(camera=scenes.CAMERA, sigma_px=0.3, outliers=OUTLIERS):
-    """Return pixels of the board, and what they tell."""
+    """Return pixels of the board, and the estimate from them."""
     noise = np.random.default_rng(4).normal(0.0, sigma_px, scenes.GRID.shape)
-    image = scenes.seen(scenes.GRID, camera=camera) + noise
+    image = scenes.project(scenes.GRID, camera=camera) + noise
     image[outliers] += 25.0
     return image, estimate_pose(image, scenes.GRID, image_size=scenes.SIZE)
 
@@ -37,13 +36,13 @@ def keys(msg):
 
 
 def one(msg, ns, number=0):
-    """Return the one marker of a name."""
+    """Return the marker with a namespace and id."""
     (marker,) = (m for m in msg.markers if (m.ns, m.id) == (ns, number))
     return marker
 
 
 def in_camera(marker):
-    """Return a marker's points (N, 3) in the header's frame, as a viewer places them."""
+    """Return the points (N, 3) of a marker in the header's frame, as a viewer shows them."""
     q, p = marker.pose.orientation, marker.pose.position
     pose = Pose.from_quaternion_xyzw([q.x, q.y, q.z, q.w], [p.x, p.y, p.z])
     return pose.transform([(point.x, point.y, point.z) for point in marker.points])
@@ -53,8 +52,8 @@ def rgb(color):
     return (color.r, color.g, color.b)
 
 
-def test_every_marker_is_of_the_view():
-    """Header of the corners, a size, a colour that can be seen, and not for ever."""
+def test_all_markers_are_complete():
+    """They have the header of the view, a size, a visible colour and a lifetime."""
     image, estimate = view()
     msg = message(image, estimate)
     assert len(keys(msg)) == len(msg.markers) == 7
@@ -66,21 +65,21 @@ def test_every_marker_is_of_the_view():
         assert marker.lifetime.sec > 0
 
 
-def test_points_project_to_where_they_were_seen():
-    """Inliers and outliers apart, each at its own place on the board."""
+def test_points_project_to_the_observed_pixels():
+    """Inliers and outliers are separate lists."""
     image, estimate = view()
     msg = message(image, estimate)
-    good, bad = one(msg, 'board/points', 0), one(msg, 'board/points', 1)
-    assert (good.type, bad.type) == (Marker.SPHERE_LIST, Marker.CUBE_LIST)
+    inliers, outliers = one(msg, 'board/points', 0), one(msg, 'board/points', 1)
+    assert (inliers.type, outliers.type) == (Marker.SPHERE_LIST, Marker.CUBE_LIST)
     camera = estimate.model.camera
-    away = camera.project(in_camera(good)) - np.delete(image, OUTLIERS, axis=0)
-    assert np.linalg.norm(away, axis=1).max() < 1.5
-    away = camera.project(in_camera(bad)) - image[OUTLIERS]
-    np.testing.assert_allclose(away, -25.0, atol=1.5)
+    residuals = camera.project(in_camera(inliers)) - np.delete(image, OUTLIERS, axis=0)
+    assert np.linalg.norm(residuals, axis=1).max() < 1.5
+    residuals = camera.project(in_camera(outliers)) - image[OUTLIERS]
+    np.testing.assert_allclose(residuals, -25.0, atol=1.5)
 
 
 def test_outline_and_axes_lie_on_the_board():
-    """The outline goes around the points; the axes are red, green and blue from the origin."""
+    """The outline encloses the points; the axes are red, green and blue from the origin."""
     image, estimate = view()
     msg = message(image, estimate)
     board_from_camera = estimate.model.camera_from_board.inverse()
@@ -98,23 +97,23 @@ def test_outline_and_axes_lie_on_the_board():
         np.testing.assert_allclose(end, 0.1 * np.eye(3)[axis], atol=1e-12)
 
 
-def test_the_sheet_is_the_outline_where_it_is_known():
-    """Then it does not grow and shrink with what is seen of the board."""
+def test_the_outline_is_the_sheet_if_it_is_known():
+    """So it does not depend on the detected points."""
     image, estimate = view()
     outline = one(message(image, estimate, sheet_size_m=(0.3, 0.2)), 'board/outline')
     corners = {(round(p.x, 12), round(p.y, 12)) for p in outline.points}
     assert corners == {(-0.15, 0.1), (0.15, 0.1), (0.15, -0.1), (-0.15, -0.1)}
 
 
-def test_a_pose_that_the_view_does_not_tell_looks_different():
+def test_an_undetermined_pose_has_another_colour():
     image, estimate = view()
-    unsure = replace(estimate, observable=Observability(direction=True))
-    colors = [one(message(image, e), 'board/outline').color for e in (estimate, unsure)]
+    undetermined = replace(estimate, observable=Observability(direction=True))
+    colors = [one(message(image, e), 'board/outline').color for e in (estimate, undetermined)]
     assert colors[1].a < colors[0].a
 
 
-def test_colours_tell_residuals():
-    """Each point has its own: the ramp is of residuals, and its end is a parameter."""
+def test_colours_show_residuals():
+    """The end of the ramp is a parameter."""
     image, estimate = view(sigma_px=0.0, outliers=[])
     image[5] += (1.0, 0.0)
     fine, coarse = (
@@ -136,37 +135,37 @@ def test_the_ramp_goes_from_blue_over_yellow_to_red():
     assert len({rgb(c) for c in ramp_colors(np.linspace(0.0, 1.0, 9))}) == 9
 
 
-@pytest.mark.parametrize('camera', [scenes.CAMERA, WIDE], ids=['common', 'wide'])
-def test_the_field_of_view_is_the_border_of_the_picture(camera):
-    """Bent as the lens bends it: its points project to the border, and four lines to the eye."""
+@pytest.mark.parametrize('camera', [scenes.CAMERA, WIDE], ids=['normal', 'wide'])
+def test_the_field_of_view_is_the_image_border(camera):
+    """Distorted by the lens, with four lines to the camera."""
     image, estimate = view(camera, outliers=[])
     marker = one(message(image, estimate), 'board/field_of_view')
     assert marker.type == Marker.LINE_LIST
     ends = in_camera(marker)
-    eyes = np.linalg.norm(ends, axis=1) < 1e-12
-    assert eyes.sum() == 4
-    seen = estimate.model.camera.project(ends[~eyes])
+    at_camera = np.linalg.norm(ends, axis=1) < 1e-12
+    assert at_camera.sum() == 4
+    pixels = estimate.model.camera.project(ends[~at_camera])
     width, height = scenes.SIZE
-    at_side = np.isclose(seen, [-0.5, -0.5], atol=1e-6) | np.isclose(
-        seen, [width - 0.5, height - 0.5], atol=1e-6
+    at_side = np.isclose(pixels, [-0.5, -0.5], atol=1e-6) | np.isclose(
+        pixels, [width - 0.5, height - 0.5], atol=1e-6
     )
     assert at_side.any(axis=1).all()
-    assert at_side.all(axis=1).sum() == 4 * 3  # two pieces of border and a line to the eye
-    pieces = ends[:-8].reshape(-1, 2, 3)
-    np.testing.assert_array_equal(pieces[:, 1], np.roll(pieces[:, 0], -1, axis=0))
+    assert at_side.all(axis=1).sum() == 4 * 3  # two border segments and a line to the camera
+    segments = ends[:-8].reshape(-1, 2, 3)
+    np.testing.assert_array_equal(segments[:, 1], np.roll(segments[:, 0], -1, axis=0))
 
 
-def test_a_new_message_replaces_the_old_one():
-    """Same names and numbers, with outliers or without, with a model or without."""
+def test_a_message_replaces_the_previous_one():
+    """The namespaces and ids are the same with or without outliers and model."""
     image, estimate = view()
     clean = message(*view(outliers=[]))
-    nothing = message(
+    deleted = message(
         image[:4], estimate_pose(np.zeros((4, 2)), scenes.GRID[:4], image_size=scenes.SIZE)
     )
-    assert keys(message(image, estimate)) == keys(clean) == keys(nothing)
+    assert keys(message(image, estimate)) == keys(clean) == keys(deleted)
     assert one(clean, 'board/points', 1).action == Marker.DELETE
-    assert {m.action for m in nothing.markers} == {Marker.DELETE}
-    assert {m.header.frame_id for m in nothing.markers} == {'a_camera'}
+    assert {m.action for m in deleted.markers} == {Marker.DELETE}
+    assert {m.header.frame_id for m in deleted.markers} == {'a_camera'}
 
 
 def test_boards_do_not_replace_each_other():

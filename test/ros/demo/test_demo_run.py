@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The demo: it shows what it should, fails when it does not, and leaves nothing running."""
+"""The demo: output, exit status, and that it leaves no process running."""
 
 from dataclasses import replace
 import os
@@ -15,12 +15,12 @@ import cv2
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 from p4pfr_ros import Pose, Solution
-from p4pfr_ros.files.writing import check_writable
+from p4pfr_ros.files.places import check_place
 from p4pfr_ros.ros import demo
 from p4pfr_ros.ros.conversions import Correspondences, image_msg
 from p4pfr_ros.ros.demo.children import Children
 from p4pfr_ros.ros.demo.monitor import Monitor
-from p4pfr_ros.ros.demo.views import Errors, median_errors, tilt_deg, View
+from p4pfr_ros.ros.demo.views import DemoView, Errors, median_errors, Record
 import pytest
 import rclpy
 from rich.console import Console
@@ -28,20 +28,18 @@ import scenes
 from sensor_msgs.msg import Image
 
 GOOD = Errors(position=0.001, rotation_deg=0.01, focal=0.001, k=0.001, rms_px=0.05, latency_s=0.03)
-
-
-POINTS = Correspondences(scenes.seen(scenes.GRID), scenes.GRID, np.arange(len(scenes.GRID)))
+POINTS = Correspondences(scenes.project(scenes.GRID), scenes.GRID, np.arange(len(scenes.GRID)))
 # Bounds as the demo has them, but for how fast this machine is at the moment.
 SCRIPT = """
 from dataclasses import replace
 import sys
-from p4pfr_ros.ros.demo import BOUNDS, main
-sys.exit(main({duration_s}, replace(BOUNDS, latency_s=60.0), fewest_views=1))
+from p4pfr_ros.ros.demo import LIMITS, main
+sys.exit(main({duration_s}, replace(LIMITS, latency_s=60.0), min_views=1))
 """
 
 
 class _Demo:
-    """The demo as a process, a short one."""
+    """The demo as a process, with its output."""
 
     def __init__(self, folder, duration_s):
         script = SCRIPT.format(duration_s=duration_s)
@@ -52,63 +50,63 @@ class _Demo:
             stderr=subprocess.STDOUT,
             text=True,
         )
-        self.said = ''
+        self.output = ''
 
     def until(self, words):
-        while words not in self.said:
+        while words not in self.output:
             line = self.process.stdout.readline()
-            assert line, self.said
-            self.said += line
+            assert line, self.output
+            self.output += line
 
     def children(self):
         pid = self.process.pid
         return [int(p) for p in Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
 
-    def end(self):
-        self.said += self.process.communicate(timeout=60)[0]
+    def wait(self):
+        self.output += self.process.communicate(timeout=60)[0]
         return self.process.returncode
 
 
 @pytest.mark.dds
-def test_the_demo_finds_the_truth_and_draws_it(tmp_path):
-    """Three processes, bounds kept, demo.png written, nothing left running."""
+def test_the_demo_stays_within_its_limits_and_writes_an_image(tmp_path):
+    """Three processes, which have exited in the end."""
     run = _Demo(tmp_path, 5.0)
     run.until('started')
     children = run.children()
     assert len(children) == 3
-    assert run.end() == 0, run.said
-    assert 'median errors of' in run.said
+    assert run.wait() == 0, run.output
+    assert 'median errors of' in run.output
     assert not any(_is_alive(pid) for pid in children)
-    picture = cv2.imread(str(tmp_path / 'demo.png'))
-    assert picture.shape == (480, 1280, 3)
-    seen, straight = np.hsplit(picture, 2)
-    assert np.ptp(seen, axis=2).max() > 100  # colours are drawn into the grey picture
-    assert np.ptp(straight, axis=2).max() == 0
+    image = cv2.imread(str(tmp_path / 'demo.png'))
+    assert image.shape == (480, 1280, 3)
+    annotated, undistorted = np.hsplit(image, 2)
+    assert np.ptp(annotated, axis=2).max() > 100  # colours on the grey image
+    assert np.ptp(undistorted, axis=2).max() == 0
 
 
 @pytest.mark.dds
-def test_the_demo_fails_when_a_node_dies(tmp_path):
-    """It says which, with what it said, and ends the others."""
+def test_the_demo_fails_if_a_node_dies(tmp_path):
+    """It names the node, and stops the others."""
     run = _Demo(tmp_path, 60.0)
     run.until('view ')
     children = run.children()
     detector = next(pid for pid in children if b'detector_node' in _command(pid))
     os.kill(detector, signal.SIGKILL)
-    assert run.end() == 1
-    assert 'demo failed: detector_node ended with status -9' in run.said
+    assert run.wait() == 1
+    assert 'demo failed: detector_node exited with status -9' in run.output
     assert not any(_is_alive(pid) for pid in children)
 
 
 @pytest.mark.dds
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
-def test_an_interrupted_demo_ends_its_nodes(tmp_path, number):
-    """Ctrl-C leaves nothing behind."""
+def test_an_interrupted_demo_stops_its_nodes(tmp_path, number):
+    """By Ctrl-C or SIGTERM."""
     run = _Demo(tmp_path, 60.0)
     run.until('started')
     children = run.children()
     run.process.send_signal(number)
-    assert run.end() == 130
-    assert 'Traceback' not in run.said
+    assert run.wait() == 130
+    assert 'Traceback' not in run.output
     assert not any(_is_alive(pid) for pid in children)
 
 
@@ -121,33 +119,37 @@ def _is_alive(pid):
 
 
 @pytest.mark.parametrize('name', Errors.__slots__)
-def test_an_error_out_of_bounds_is_named(name):
-    """Each bound is held by itself; a NaN is out of all bounds."""
+def test_an_error_beyond_its_limit_is_named(name):
+    """Each error has its own limit; NaN exceeds any."""
     console = Console(quiet=True)
-    assert demo._judge(console, [GOOD], demo.BOUNDS, 1) == []
-    for value in (1.5 * getattr(demo.BOUNDS, name), float('nan')):
-        problems = demo._judge(console, [replace(GOOD, **{name: value})], demo.BOUNDS, 1)
+    assert demo._check(console, [GOOD], demo.LIMITS, 1) == []
+    for value in (1.5 * getattr(demo.LIMITS, name), float('nan')):
+        problems = demo._check(console, [replace(GOOD, **{name: value})], demo.LIMITS, 1)
         assert len(problems) == 1
         assert name in problems[0]
 
 
 def test_too_few_views_are_a_failure():
-    """A demo that shows next to nothing is none."""
-    problems = demo._judge(Console(quiet=True), [GOOD] * 4, demo.BOUNDS, 5)
+    """The line names their number."""
+    problems = demo._check(Console(quiet=True), [GOOD] * 4, demo.LIMITS, 5)
     assert len(problems) == 1
-    assert 'views came' in problems[0]
+    assert problems[0].startswith('4 views')
 
 
-def test_errors_are_those_of_the_view():
-    """Each number by hand: 1 % of the distance, a turn of 0.1 rad, 5 % of f, 0.05 of k, 3 px."""
+def test_errors_of_a_view():
+    """1 % of the distance, a rotation by 0.1 rad, 5 % of f, 0.05 of k, 3 px."""
     true = scenes.FACING
-    turned = true.rotation @ Pose.from_rotation_vector([0.1, 0, 0], np.zeros(3)).rotation
-    away = 0.01 * np.linalg.norm(true.translation) * np.array([0.0, 1.0, 0.0])
+    rotation = true.rotation @ Pose.from_rotation_vector([0.1, 0, 0], np.zeros(3)).rotation
+    error_m = 0.01 * np.linalg.norm(true.translation) * np.array([0.0, 1.0, 0.0])
     camera = replace(scenes.CAMERA, focal_px=1.05 * scenes.CAMERA.focal_px, k=-0.25)
-    estimate = Solution(camera=camera, camera_from_board=Pose(turned, true.translation + away))
-    image = scenes.seen(scenes.GRID, estimate.camera_from_board, camera) + np.array([3.0, 0.0])
-    points = replace(POINTS, image_points=image)
-    view = View(np.zeros((480, 640), np.uint8), points, estimate, true, 0.02)
+    estimate = Solution(
+        camera=camera, camera_from_board=Pose(rotation, true.translation + error_m)
+    )
+    image_points = scenes.project(scenes.GRID, estimate.camera_from_board, camera) + np.array(
+        [3.0, 0.0]
+    )
+    points = replace(POINTS, image_points=image_points)
+    view = DemoView(np.zeros((480, 640), np.uint8), points, estimate, true, 0.02)
     expected = Errors(0.01, np.degrees(0.1), 0.05, 0.05, 3.0, 0.02)
     errors = Errors.of(view, scenes.CAMERA)
     for name in Errors.__slots__:
@@ -155,59 +157,56 @@ def test_errors_are_those_of_the_view():
     assert median_errors([errors, errors, GOOD]) == errors
 
 
-def test_no_turn_goes_unnoticed():
-    """Neither a half turn in the board's plane, nor the board seen from behind."""
-    view = View(np.zeros((480, 640), np.uint8), POINTS, None, scenes.CAMERA_FROM_BOARD, 0.02)
+def test_rotations_by_180_degrees_are_errors():
+    """About any axis: in the board's plane, and to its back."""
+    view = DemoView(np.zeros((480, 640), np.uint8), POINTS, None, scenes.CAMERA_FROM_BOARD, 0.02)
     for axis in np.eye(3):
-        turned = scenes.CAMERA_FROM_BOARD @ Pose.from_rotation_vector(np.pi * axis, np.zeros(3))
-        estimate = Solution(camera=scenes.CAMERA, camera_from_board=turned)
+        rotated = scenes.CAMERA_FROM_BOARD @ Pose.from_rotation_vector(np.pi * axis, np.zeros(3))
+        estimate = Solution(camera=scenes.CAMERA, camera_from_board=rotated)
         errors = Errors.of(replace(view, estimate=estimate), scenes.CAMERA)
         assert errors.rotation_deg == pytest.approx(180.0)
-    assert tilt_deg(scenes.FACING) == pytest.approx(0.0)
-    behind = scenes.FACING @ Pose.from_rotation_vector([np.pi - 0.1, 0, 0], np.zeros(3))
-    assert tilt_deg(behind) == pytest.approx(180.0 - np.degrees(0.1))
 
 
 @pytest.mark.dds
-def test_a_message_that_makes_no_sense_is_passed_over(dds, capfd):
-    """A pose whose quaternion is zeros is said; what comes next is heard."""
-    seen = []
-    monitor, mouth = Monitor(seen.append), rclpy.create_node('mouth')
+def test_an_invalid_message_is_logged_and_skipped(dds, capfd):
+    """A pose with a zero quaternion; later messages are received."""
+    record = Record(scenes.CAMERA)
+    monitor, sender = Monitor(record), rclpy.create_node('sender')
     wrong = PoseStamped(header=scenes.header(1))
     wrong.pose.orientation.w = 0.0
-    picture = image_msg(scenes.header(1), np.zeros((4, 4), np.uint8))
+    image = image_msg(scenes.header(1), np.zeros((4, 4), np.uint8))
     publishers = [
-        (mouth.create_publisher(PoseStamped, 'pose_node/pose', 10), wrong),
-        (mouth.create_publisher(Image, 'image', 10), picture),
+        (sender.create_publisher(PoseStamped, 'pose_node/pose', 10), wrong),
+        (sender.create_publisher(Image, 'image', 10), image),
     ]
     try:
-        said, ends_s = '', time.monotonic() + 40.0
-        while monitor.pictures == 0 or 'quaternion' not in said:
-            assert time.monotonic() < ends_s, said
+        output, ends_s = '', time.monotonic() + 40.0
+        while monitor.image_count == 0 or 'quaternion' not in output:
+            assert time.monotonic() < ends_s, output
             for publisher, msg in publishers:
                 publisher.publish(msg)
             rclpy.spin_once(monitor, timeout_sec=0.05)
-            said += capfd.readouterr().err
+            output += capfd.readouterr().err
     finally:
         monitor.destroy_node()
-        mouth.destroy_node()
-    assert seen == []
+        sender.destroy_node()
+    assert record.errors == []
 
 
-def test_a_demo_that_cannot_draw_says_so_before_it_starts(tmp_path):
-    """demo.png is a folder: one line, and nothing is waited for."""
+def test_a_path_that_cannot_be_written_fails_before_the_start(tmp_path):
+    """demo.png is a folder: one line."""
     (tmp_path / 'demo.png').mkdir()
     run = _Demo(tmp_path, 60.0)
-    assert run.end() == 1
-    assert run.said == ('demo failed: demo.png: expected a writable path: Is a directory\n')
+    assert run.wait() == 1
+    assert run.output == ('demo failed: demo.png: expected a place to write to: Is a directory\n')
 
 
-def test_looking_for_a_place_leaves_nothing_behind(tmp_path):
-    """Neither a new file, nor a change to an old one."""
-    check_writable(tmp_path / 'demo.png')
+def test_checking_a_path_does_not_change_files(tmp_path):
+    """It neither creates a file nor changes an existing one."""
+    check_place(tmp_path / 'demo.png')
     assert list(tmp_path.iterdir()) == []
     (tmp_path / 'demo.png').write_text('old')
-    check_writable(tmp_path / 'demo.png')
+    check_place(tmp_path / 'demo.png')
     assert (tmp_path / 'demo.png').read_text() == 'old'
 
 
@@ -215,22 +214,22 @@ STUBBORN = """
 import signal, time
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
-print('deaf', flush=True)
+print('ignores signals', flush=True)
 time.sleep(600)
 """
 
 
-def test_a_child_that_does_not_listen_is_killed(tmp_path, monkeypatch):
-    """SIGINT, SIGTERM and, as the last resort, SIGKILL."""
+def test_a_child_that_ignores_signals_is_killed(tmp_path, monkeypatch):
+    """SIGINT, SIGTERM and finally SIGKILL."""
     monkeypatch.setattr(
-        'p4pfr_ros.ros.demo.children._LAST_WORDS',
+        'p4pfr_ros.ros.demo.children._STOP_SIGNALS',
         ((signal.SIGINT, 0.1), (signal.SIGTERM, 0.1), (signal.SIGKILL, 5.0)),
     )
     before = signal.getsignal(signal.SIGINT)
     with Children(tmp_path) as children:
         children.launch('stubborn', [sys.executable, '-c', STUBBORN])
-        while 'deaf' not in children.words():
+        while 'ignores signals' not in children.output():
             assert children.dead() is None
             time.sleep(0.01)
-    assert children.dead().startswith('stubborn ended with status -9')
+    assert children.dead().startswith('stubborn exited with status -9')
     assert signal.getsignal(signal.SIGINT) is before

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""config/p4pfr.rviz and config/p4pfr_foxglove.json: well formed, and of topics that there are."""
+"""config/p4pfr.rviz and config/p4pfr_foxglove.json: well formed, with existing topics."""
 
 import ast
 import json
@@ -20,7 +20,7 @@ DISPLAYS = {display['Class'].split('/')[-1]: display for display in RVIZ['Displa
 
 
 def published():
-    """Yield the topics that our nodes' sources mention: '~/markers', or the end of an f-string."""
+    """Yield the topics in the sources of our nodes: '~/markers', or the end of an f-string."""
     for path in (ROOT / 'p4pfr_ros/ros').rglob('*.py'):
         node = path.stem if path.stem in ('detector_node', 'camera_simulator') else 'pose_node'
         for constant in ast.walk(ast.parse(path.read_text())):
@@ -50,22 +50,22 @@ def panels(layout):
         ('PoseWithCovariance', 'pose_node/pose_with_covariance'),
     ],
 )
-def test_rviz_shows_what_the_nodes_publish(display, topic):
-    """Relative topics: a namespace and remappings move them."""
+def test_rviz_shows_published_topics(display, topic):
+    """Relative ones, for namespaces and remappings."""
     assert topic in PUBLISHED
     assert DISPLAYS[display]['Topic']['Value'] == topic
     assert DISPLAYS[display]['Enabled'] is True
 
 
-def test_rviz_shows_frames_and_looks_from_the_camera():
-    """The simulated one's frame, unless it is told of another."""
+def test_the_fixed_frame_of_rviz_is_that_of_the_simulator():
+    """The launch file sets another one."""
     assert DISPLAYS['TF']['Enabled'] is True
     assert RVIZ['Global Options']['Fixed Frame'] == FRAME
     assert RVIZ['Views']['Current']['Target Frame'] == '<Fixed Frame>'
 
 
-def test_foxglove_lays_out_each_panel_once():
-    """As it writes its own layouts: kind!name."""
+def test_the_foxglove_layout_shows_each_panel_once():
+    """Panels are named kind!name."""
     shown = list(panels(FOXGLOVE['layout']))
     assert sorted(shown) == sorted(FOXGLOVE['configById'])
     assert {name.split('!')[0] for name in shown} == {
@@ -77,14 +77,14 @@ def test_foxglove_lays_out_each_panel_once():
     }
 
 
-def test_foxglove_shows_what_the_nodes_publish():
-    """Every topic, and of every path its topic."""
+def test_foxglove_shows_published_topics():
+    """Also those of message paths."""
     configs = FOXGLOVE['configById']
     scene = configs['3D!scene']
     assert scene['followTf'] == FRAME
     assert '/pose_node/markers' in scene['topics']
     assert all(topic['visible'] for topic in scene['topics'].values())
-    topics = {configs['Image!picture']['imageMode']['imageTopic'], *scene['topics']}
+    topics = {configs['Image!image']['imageMode']['imageTopic'], *scene['topics']}
     for config in configs.values():
         topics |= {path['value'].split('.')[0] for path in config.get('paths', ())}
         assert config.get('topicToRender', '/diagnostics') == '/diagnostics'

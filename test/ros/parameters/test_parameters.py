@@ -1,19 +1,16 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters: declared once, described, checked with a reason, and in step with config/."""
+"""Parameters: declaration, validation with a reason, and agreement with config/."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 from p4pfr_ros import CalibrationOptions, EstimateOptions
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.ros.parameters.declare import flattened, parameter, Parameters, replaced
-from p4pfr_ros.ros.parameters.image_node_options import (
-    CameraSimulatorOptions,
-    DetectorNodeOptions,
-    PoseNodeOptions,
-)
+from p4pfr_ros.ros.parameters.image_node_options import CameraSimulatorOptions, DetectorNodeOptions
+from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
@@ -47,7 +44,7 @@ class _Options:
 
 @pytest.fixture
 def node(dds):
-    """Make a node that nobody talks to."""
+    """Give a node without parameters."""
     node = rclpy.create_node('with_parameters', parameter_overrides=[])
     yield node
     node.destroy_node()
@@ -58,8 +55,8 @@ def _change(node, **values):
     return node.set_parameters_atomically(parameters)
 
 
-def test_a_change_takes_effect_as_a_whole(node):
-    """Groups are dotted names, and two that go together change together."""
+def test_a_change_of_several_parameters_is_atomic(node):
+    """Parameters of groups have dotted names."""
     parameters = Parameters(node, _Options())
     assert parameters.options == _Options()
     assert _change(node, count=5, group__low=4.0, group__high=6.0).successful
@@ -81,8 +78,8 @@ def test_a_change_takes_effect_as_a_whole(node):
         ({'count': 4, 'colour': 'blue'}, 'colour'),
     ],
 )
-def test_a_wrong_change_is_refused_with_a_reason(node, values, reason):
-    """What is refused changes nothing."""
+def test_an_invalid_change_is_rejected_with_a_reason(node, values, reason):
+    """Nothing is changed."""
     parameters = Parameters(node, _Options())
     result = _change(node, **values)
     assert not result.successful
@@ -100,8 +97,8 @@ def test_a_wrong_change_is_refused_with_a_reason(node, values, reason):
         ('group.low', 5.0, 'group.low: expected less than 2, got 5'),
     ],
 )
-def test_a_wrong_start_is_one_line_for_the_user(dds, name, value, reason):
-    """It names the node and the parameter, and says what was expected."""
+def test_an_invalid_start_value_is_an_error_of_one_line(dds, name, value, reason):
+    """It names node, parameter and expected values."""
     node = rclpy.create_node('badly_set', parameter_overrides=[Parameter(name, value=value)])
     try:
         with pytest.raises(ConfigError) as error:
@@ -115,8 +112,8 @@ def test_a_wrong_start_is_one_line_for_the_user(dds, name, value, reason):
     assert '\n' not in message
 
 
-def test_a_read_only_parameter_is_set_at_the_start(dds):
-    """Then, and only then."""
+def test_a_read_only_parameter_can_be_set_at_the_start(dds):
+    """Not later."""
     overrides = [Parameter('shape', value='square')]
     node = rclpy.create_node('well_set', parameter_overrides=overrides)
     assert Parameters(node, _Options()).options.shape == 'square'
@@ -125,7 +122,7 @@ def test_a_read_only_parameter_is_set_at_the_start(dds):
 
 @pytest.mark.parametrize('options', NODES.values(), ids=NODES)
 def test_every_parameter_is_described_and_every_number_has_a_range(dds, options):
-    """As `ros2 param describe` shows it; the default lies within the range."""
+    """As shown by `ros2 param describe`; the default is within the range."""
     node = rclpy.create_node('described')
     Parameters(node, options)
     for name, value, spec in flattened(options):
@@ -142,8 +139,8 @@ def test_every_parameter_is_described_and_every_number_has_a_range(dds, options)
 
 
 @pytest.mark.parametrize('name', NODES)
-def test_config_files_hold_every_parameter_with_its_default(name):
-    """config/*.yaml and the code are in step, comments included."""
+def test_config_files_list_every_parameter_with_its_default(name):
+    """config/*.yaml agrees with the code, including the comments."""
     text = (CONFIG / f'{name}.yaml').read_text()
     tree = yaml.safe_load(text)[f'/**/{name}']['ros__parameters']
     written = dict(_flat(tree, ''))
@@ -164,31 +161,61 @@ def _flat(tree, prefix):
             yield prefix + key, value
 
 
-def test_the_solver_gets_what_the_parameters_say():
-    """``robust.*`` are the fields of EstimateOptions, by name and by default."""
-    assert PoseNodeOptions().robust.ransac() == EstimateOptions()
+def test_robust_parameters_are_the_options_of_estimate_pose():
+    """``robust.*`` has its names, defaults, ranges and descriptions; 0.0 stands for None."""
+    assert PoseNodeOptions().robust == EstimateOptions()
     changed = replaced(PoseNodeOptions(), {'robust.threshold_px': 5.0, 'robust.seed': 9})
-    assert changed.robust.ransac() == EstimateOptions(threshold_px=5.0, seed=9)
-    known = {'robust.prior_focal_px': 500.0, 'robust.prior_focal_sigma_px': 5.0}
-    prior = replaced(PoseNodeOptions(), known).robust.ransac()
-    assert prior == EstimateOptions(prior_focal_px=500.0, prior_focal_sigma_px=5.0)
+    assert changed.robust == EstimateOptions(threshold_px=5.0, seed=9)
+    given = {'robust.prior_focal_px': 500.0, 'robust.prior_focal_sigma_px': 5.0}
+    prior = replaced(PoseNodeOptions(), given)
+    assert prior.robust == EstimateOptions(prior_focal_px=500.0, prior_focal_sigma_px=5.0)
+    assert replaced(prior, dict.fromkeys(given, 0.0)).robust == EstimateOptions()
     with pytest.raises(ConfigError, match=r'^robust\.prior_focal_px'):
         replaced(PoseNodeOptions(), {'robust.prior_focal_px': 500.0})
-    with pytest.raises(ConfigError, match=r'^robust\.max_fov_deg'):
+    with pytest.raises(ConfigError, match=r'^robust\.'):
         replaced(PoseNodeOptions(), {'robust.max_fov_deg': 2.0})
 
 
-def test_the_calibration_gets_what_the_parameters_say():
-    """``calibration.*`` are the fields of CalibrationOptions, by name and by default."""
-    assert PoseNodeOptions().calibration.core() == CalibrationOptions()
+def test_calibration_parameters_are_the_options_of_self_calibration():
+    """``calibration.*`` has its names, defaults, ranges and descriptions."""
+    assert PoseNodeOptions().calibration == CalibrationOptions()
     changed = replaced(PoseNodeOptions(), {'calibration.max_views': 60})
-    assert changed.calibration.core() == CalibrationOptions(max_views=60)
+    assert changed.calibration == CalibrationOptions(max_views=60)
     with pytest.raises(ConfigError, match=r'^calibration\.min_views'):
         replaced(PoseNodeOptions(), {'calibration.min_views': 41})
 
 
-def test_a_guard_refuses_what_only_the_node_knows_to_be_wrong(node):
-    """At once, and at every change, until it is taken away."""
+@pytest.mark.parametrize('group', ['robust', 'calibration'])
+def test_specs_of_core_options_come_from_the_core(group):
+    """An option that is None by default has the ROS value 0.0, which is in its range."""
+    options = getattr(PoseNodeOptions(), group)
+    specs = {name: (value, spec) for name, value, spec in flattened(PoseNodeOptions())}
+    for core in fields(options):
+        value, spec = specs[f'{group}.{core.name}']
+        option = core.metadata['option']
+        if core.default is None:
+            assert (value, spec.low, spec.high) == (0.0, 0.0, option.high)
+            assert spec.description == f'{option.description} 0: not given.'
+        else:
+            assert (value, spec.low, spec.high) == (core.default, option.low, option.high)
+            assert spec.description == option.description
+
+
+def test_a_change_to_an_option_that_is_not_given_is_validated(node):
+    """Zero is valid, and a value between zero and the limit of the core is not."""
+    parameters = Parameters(node, PoseNodeOptions())
+    assert node.get_parameter('robust.sigma_px').value == 0.0
+    result = _change(node, robust__sigma_px=1e-9)
+    assert not result.successful
+    assert result.reason.startswith('robust.sigma_px must be ')
+    assert _change(node, robust__sigma_px=0.5).successful
+    assert parameters.options.robust == EstimateOptions(sigma_px=0.5)
+    assert _change(node, robust__sigma_px=0.0).successful
+    assert parameters.options.robust == EstimateOptions()
+
+
+def test_a_guard_rejects_changes_until_it_is_removed(node):
+    """It checks the current values, too."""
     parameters = Parameters(node, _Options())
 
     def at_most_five(options):
@@ -196,8 +223,8 @@ def test_a_guard_refuses_what_only_the_node_knows_to_be_wrong(node):
             raise ConfigError(f'count: expected at most 5, got {options.count}')
 
     parameters.guard(at_most_five)
-    refused = _change(node, count=6)
-    assert (refused.successful, refused.reason) == (False, 'count: expected at most 5, got 6')
+    rejected = _change(node, count=6)
+    assert (rejected.successful, rejected.reason) == (False, 'count: expected at most 5, got 6')
     assert parameters.options.count == 3
     parameters.guard(None)
     assert _change(node, count=6).successful

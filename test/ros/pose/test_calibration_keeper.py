@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The calibration's life beside being made: where it lies, loaded, saved, passed on."""
+"""The calibration file: path, loading, saving; and the driver, which receives the result."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -10,159 +10,173 @@ import time
 import moving
 import numpy as np
 from p4pfr_ros import CalibrationState
+from p4pfr_ros.files.boards import ConfigError
 from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
-from p4pfr_ros.files.yaml_fields import ConfigError
-from p4pfr_ros.ros.conversions import ImageFrame
 from p4pfr_ros.ros.parameters.declare import replaced
-from p4pfr_ros.ros.parameters.image_node_options import PoseNodeOptions
-from p4pfr_ros.ros.pose.calibration_keeper import CalibrationKeeper
-from p4pfr_ros.ros.pose.calibration_path import calibration_path
+from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
+from p4pfr_ros.ros.pose.calibration_keeper import calibration_path, CalibrationKeeper
 import pytest
-import scenes
 
-SETTINGS = PoseNodeOptions().robust.ransac(), PoseNodeOptions().calibration.core()
-FRAME = ImageFrame(moving.SIZE)
+SETTINGS = PoseNodeOptions().robust, PoseNodeOptions().calibration
+
+
+class Log:
+    """Records log lines."""
+
+    def __init__(self):
+        self.lines = []
+
+    def info(self, text):
+        """Record a line."""
+        self.lines.append(text)
+
+
+class Driver:
+    """Records the calibrations that are sent to the camera driver."""
+
+    def __init__(self):
+        self.sent = []
+
+    def send(self, camera_info):
+        """Record a calibration."""
+        self.sent.append(camera_info)
 
 
 class Kept:
-    """A keeper, and what it has said and passed on."""
+    """A keeper with its log and its driver."""
 
     def __init__(self, path, **values):
         self.options = replaced(PoseNodeOptions(), {'calibration_file': str(path)} | values)
-        self.said, self.told = [], []
-        self.keeper = CalibrationKeeper(self.options, self.told.append, self.said.append)
+        self.log, self.driver = Log(), Driver()
+        self.keeper = CalibrationKeeper(self.log, self.driver, self.options)
 
     def set(self, **values):
-        """Change parameters."""
+        """Set parameters."""
         self.options = replaced(self.options, values)
 
-    def learn(self, moments):
-        """Show it views; return what it remarks."""
-        found = self.keeper.found
-        robust, calibration = self.options.robust.ransac(), self.options.calibration.core()
-        remarks = []
-        for moment in moments:
-            found.make_ready(moving.SIZE, robust, calibration)
-            _, learn = found.answer(moment.image_points, moving.BOARD.points, moment.index)
-            header, restarted = scenes.header(moment.index), learn().restarted
-            remarks.append(
-                self.keeper.look_after(header, FRAME, self.options, restarted=restarted)
-            )
-        return [remark for remark in remarks if remark is not None]
+    def process(self, views):
+        """Update the calibration with views; return the notices of the keeper."""
+        calibrations, options, notices = self.keeper.calibrations, self.options, []
+        for view in views:
+            calibration = calibrations.select(moving.SIZE, options.robust, options.calibration)
+            calibration.update(view.image_points, moving.BOARD.points, view.index)
+            calibrations.finish_view()
+            notices.append(self.keeper.follow(view.observation, options))
+        return [notice for notice in notices if notice is not None]
 
 
 @pytest.fixture
 def path(tmp_path):
-    """Name a file in a folder that is not there yet."""
+    """Give the path of a file in a folder that does not exist yet."""
     return tmp_path / 'camera_info' / 'left.yaml'
 
 
-def test_a_calibration_that_was_saved_is_there_after_a_restart(path):
-    """The numbers to the last digit, their uncertainty, and how far it has come."""
+def test_a_saved_calibration_is_loaded_after_a_restart(path):
+    """Camera, covariance and state are the same."""
     before = Kept(path)
-    before.learn(moving.moments(0, 40))
+    before.process(moving.views(0, 40))
     ok, text = before.keeper.save()
     assert ok, text
     assert str(path) in text
     after = Kept(path)
-    assert 'focal length' in after.said[0]
-    after.keeper.found.make_ready(moving.SIZE, *SETTINGS)
-    old, new = before.keeper.found.fused, after.keeper.found.fused
+    assert 'focal length' in after.log.lines[0]
+    after.keeper.calibrations.select(moving.SIZE, *SETTINGS)
+    old, new = before.keeper.calibrations.fused, after.keeper.calibrations.fused
     assert new.camera == old.camera
     np.testing.assert_allclose(new.covariance, old.covariance, rtol=1e-12)
-    assert after.keeper.found.state is CalibrationState.CALIBRATED
+    assert after.keeper.calibrations.state is CalibrationState.CALIBRATED
 
 
-def test_states_are_said_and_a_good_calibration_is_passed_on_once(path):
-    """Saved too, if that was asked for."""
+def test_states_are_logged_and_the_calibration_is_sent_once(path):
+    """With save_when_calibrated it is also saved; it is sent again after a restart."""
     kept = Kept(path, save_when_calibrated=True)
-    kept.learn(moving.moments(0, 40))
-    assert [line for line in kept.said if CalibrationState.CONVERGING.value in line]
-    assert len([line for line in kept.said if CalibrationState.CALIBRATED.value in line]) == 1
-    [info] = kept.told
+    kept.process(moving.views(0, 40))
+    assert [line for line in kept.log.lines if CalibrationState.CONVERGING.value in line]
+    assert len([line for line in kept.log.lines if CalibrationState.CALIBRATED.value in line]) == 1
+    [info] = kept.driver.sent
     assert (info.width, info.height, info.distortion_model) == (640, 480, 'rational_polynomial')
     assert info.k[0] == pytest.approx(520.0, rel=0.01)
     assert load_calibration(path).camera_name == 'camera'
-    kept.learn(moving.moments(40, 80, moving.ZOOMED))
-    assert [info.k[0] for info in kept.told[1:]] == pytest.approx([650.0], rel=0.02)
+    kept.process(moving.views(40, 80, moving.ZOOMED))
+    assert [info.k[0] for info in kept.driver.sent[1:]] == pytest.approx([650.0], rel=0.02)
     kept.keeper.reset()
-    kept.learn(moving.moments(0, 40))
-    assert len(kept.told) == 3
+    kept.process(moving.views(0, 40))
+    assert len(kept.driver.sent) == 3
 
 
-def test_a_calibration_that_wavers_is_passed_on_once(path):
-    """As when it is asked to be better, and then is not."""
+def test_a_calibration_that_alternates_around_its_limit_is_sent_once(path):
+    """The state alternates as the tolerance changes."""
     kept = Kept(path)
-    kept.learn(moving.moments(0, 30))
+    kept.process(moving.views(0, 30))
     kept.set(**{'calibration.focal_tolerance': 1e-6})
-    kept.learn(moving.moments(30, 35))
-    assert kept.keeper.found.state is CalibrationState.CONVERGING
+    kept.process(moving.views(30, 35))
+    assert kept.keeper.calibrations.state is CalibrationState.CONVERGING
     kept.set(**{'calibration.focal_tolerance': 0.005})
-    kept.learn(moving.moments(35, 40))
-    assert kept.keeper.found.state is CalibrationState.CALIBRATED
-    assert len(kept.told) == 1
+    kept.process(moving.views(35, 40))
+    assert kept.keeper.calibrations.state is CalibrationState.CALIBRATED
+    assert len(kept.driver.sent) == 1
 
 
-def test_saving_may_be_asked_for_late(path):
-    """As a parameter that is changed while the node works."""
+def test_saving_can_be_enabled_later(path):
+    """By a change of the parameter."""
     kept = Kept(path)
-    kept.learn(moving.moments(0, 40))
+    kept.process(moving.views(0, 40))
     kept.set(save_when_calibrated=True)
-    kept.learn(moving.moments(40, 42))
+    kept.process(moving.views(40, 42))
     assert path.exists()
-    assert len([line for line in kept.said if line.startswith('saved')]) == 1
+    assert len([line for line in kept.log.lines if line.startswith('saved')]) == 1
 
 
-def test_what_could_not_be_saved_is_remarked_and_tried_again(tmp_path, monkeypatch):
-    """Not with each view, but after a while."""
+def test_failed_saving_gives_a_notice_and_is_retried(tmp_path, monkeypatch):
+    """After a minute, not with each view."""
     (tmp_path / 'file').write_text('')
     kept = Kept(tmp_path / 'file' / 'left.yaml', save_when_calibrated=True)
-    [remark] = kept.learn(moving.moments(0, 40))
-    assert remark.cause == 'not_saved'
-    assert str(tmp_path / 'file') in remark.reason
+    [notice] = kept.process(moving.views(0, 40))
+    assert notice.cause == 'not_saved'
+    assert str(tmp_path / 'file') in notice.reason
     (tmp_path / 'file').unlink()
-    assert kept.learn(moving.moments(40, 42)) == []
+    assert kept.process(moving.views(40, 42)) == []
     assert not (tmp_path / 'file').exists()
     now_s = time.monotonic()
     monkeypatch.setattr(time, 'monotonic', lambda: now_s + 61.0)
-    assert kept.learn(moving.moments(42, 44)) == []
+    assert kept.process(moving.views(42, 44)) == []
     assert (tmp_path / 'file' / 'left.yaml').exists()
 
 
-def test_one_view_is_no_views(path):
-    """A line for people."""
+def test_one_view_is_singular(path):
+    """In the log line."""
     kept = Kept(path)
-    kept.learn(moving.moments(0, 1))
-    assert kept.said[0].endswith(', 1 view')
+    kept.process(moving.views(0, 1))
+    assert kept.log.lines[0].endswith(', 1 view)')
 
 
-def test_nothing_is_saved_unasked(path):
-    """The file is the user's."""
-    Kept(path).learn(moving.moments(0, 40))
+def test_nothing_is_saved_by_default(path):
+    """The file belongs to the user."""
+    Kept(path).process(moving.views(0, 40))
     assert not path.exists()
 
 
-def test_before_there_is_a_calibration_saving_says_so(path):
-    """And leaves no file."""
+def test_saving_without_a_calibration_fails(path):
+    """No file is written."""
     assert Kept(path).keeper.save() == (
         False,
-        'nothing to save: no calibration has been found yet',
+        'nothing to save: the camera has not been estimated yet',
     )
     assert not path.exists()
 
 
-def test_a_place_that_cannot_be_written_to_is_said(tmp_path):
-    """One line with the path; the node lives on."""
+def test_a_path_that_cannot_be_written_fails_with_a_reason(tmp_path):
+    """One line with the path; no exception."""
     (tmp_path / 'file').write_text('')
     kept = Kept(tmp_path / 'file' / 'left.yaml')
-    kept.learn(moving.moments(0, 12))
+    kept.process(moving.views(0, 12))
     ok, text = kept.keeper.save()
     assert not ok
     assert str(tmp_path / 'file') in text
 
 
-def test_a_broken_file_is_refused(path):
-    """It is not taken for one that is missing, nor overwritten."""
+def test_an_invalid_file_is_an_error(path):
+    """It is neither treated as missing nor overwritten."""
     path.parent.mkdir()
     path.write_text('image_width: 640\n')
     with pytest.raises(ConfigError, match=str(path)):
@@ -170,30 +184,30 @@ def test_a_broken_file_is_refused(path):
     assert path.read_text() == 'image_width: 640\n'
 
 
-def test_a_file_of_another_program_serves_the_mode_fixed(path):
-    """Its camera is known at once, and what is found does not begin with it."""
+def test_a_file_of_another_program_is_used_in_mode_fixed(path):
+    """Self-calibration does not start from it."""
     ours = moving.CAMERA.to_camera_info_model(moving.SIZE)
     model = replace(ours, residual_px=0.0)
     save_calibration(path, Calibration(image_size=moving.SIZE, camera_name='left', model=model))
     kept = Kept(path)
-    assert 'of another program' in kept.said[0]
-    found = kept.keeper.found
-    assert found.known_camera(moving.SIZE) == model
-    assert found.known_camera((1280, 960)).cause == 'image_size'
-    found.make_ready(moving.SIZE, *SETTINGS)
-    assert found.state is CalibrationState.UNCALIBRATED
+    assert 'written by another program' in kept.log.lines[0]
+    calibrations = kept.keeper.calibrations
+    assert calibrations.known_camera(moving.SIZE) == model
+    assert calibrations.known_camera((1280, 960)).cause == 'image_size'
+    calibrations.select(moving.SIZE, *SETTINGS)
+    assert calibrations.state is CalibrationState.UNCALIBRATED
 
 
-def test_without_a_name_the_file_is_where_camera_info_manager_has_it(monkeypatch, tmp_path):
-    """It is not loaded unasked: it may be of any camera."""
+def test_without_calibration_file_the_path_is_that_of_camera_info_manager(monkeypatch, tmp_path):
+    """It is not loaded, because it may belong to another camera."""
     monkeypatch.setenv('ROS_HOME', str(tmp_path))
     kept = Kept('', camera_name='left')
-    kept.learn(moving.moments(0, 12))
+    kept.process(moving.views(0, 12))
     assert kept.keeper.save()[0]
     assert load_calibration(tmp_path / 'camera_info/left.yaml').camera_name == 'left'
     again = Kept('', camera_name='left')
-    assert again.said == []
-    assert not again.keeper.found.knows_any
+    assert again.log.lines == []
+    assert not again.keeper.calibrations.has_camera
 
 
 @pytest.mark.parametrize(
@@ -207,20 +221,20 @@ def test_without_a_name_the_file_is_where_camera_info_manager_has_it(monkeypatch
         ('here.yaml', 'here.yaml'),
     ],
 )
-def test_names_of_files_are_those_of_camera_info_manager(monkeypatch, given, expected):
+def test_paths_follow_the_rules_of_camera_info_manager(monkeypatch, given, expected):
     """Paths and URLs."""
     monkeypatch.setenv('HOME', '/home/me')
     monkeypatch.delenv('ROS_HOME', raising=False)
     assert calibration_path(given, 'left') == Path(expected)
 
 
-def test_a_url_of_another_kind_is_refused():
-    """It is not taken for a folder of that name."""
+def test_a_url_of_another_scheme_is_an_error():
+    """It is not treated as a path."""
     with pytest.raises(ConfigError, match=r"calibration_file: expected .* got 'package://a/b'"):
         calibration_path('package://a/b', 'left')
 
 
-def test_a_camera_name_that_is_no_file_name_is_refused():
-    """Nor may it lead elsewhere."""
+def test_a_camera_name_must_be_a_valid_file_name():
+    """It may not contain a path."""
     with pytest.raises(ConfigError, match=r'^camera_name: expected letters'):
         replaced(PoseNodeOptions(), {'camera_name': '../left'})

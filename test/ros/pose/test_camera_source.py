@@ -1,24 +1,26 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The modes without a node: how good poses get, what changes are noticed, what is refused."""
+"""The intrinsics modes without a node: accuracy of poses, changes of the camera, rejections."""
 
-from modes import fixed, FREEZE, LEARNING, Modes, NO_CAMERA_INFO, options, SELF_CALIBRATE
+from modes import CALIBRATING, fixed, FREEZE, Modes, options, SELF_CALIBRATE
 import moving
 import numpy as np
 from p4pfr_ros import CalibrationState
 from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.files.calibration import Calibration
+from p4pfr_ros.ros.conversions import camera_info_from_model_msg, ImageFrame
 from p4pfr_ros.ros.parameters.declare import replaced
 import pytest
+import scenes
 
 
 @pytest.fixture(scope='module')
-def learned():
-    """Give modes that have found the camera; tests only look at them."""
+def calibrated():
+    """Give modes with a calibrated camera; tests do not change it."""
     modes = Modes()
-    modes.learn(moving.moments(0, LEARNING))
-    assert modes.found.state is CalibrationState.CALIBRATED
+    modes.process_all(moving.views(0, CALIBRATING))
+    assert modes.calibrations.state is CalibrationState.CALIBRATED
     return modes
 
 
@@ -26,151 +28,176 @@ def _rms(errors):
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def _errors_m(modes, settings, moments):
-    answers = [modes.answer(moment, settings) for moment in moments]
-    poses = [answer.estimate.model.camera_from_board for answer in answers]
-    return [moment.error_m(pose) for moment, pose in zip(moments, poses, strict=True)]
+def _errors_m(modes, settings, views):
+    results = [modes.process(view.observation, settings) for view in views]
+    poses = [result.estimate.model.camera_from_board for result in results]
+    return [view.error_m(pose) for view, pose in zip(views, poses, strict=True)]
 
 
-def test_once_calibrated_poses_are_nearly_as_good_as_by_the_true_camera():
-    """The same views: at most 20 % more error; one view alone has three times as much."""
-    modes, moments = Modes(), moving.moments(2000, 2100)
-    # The centre of a lens is told by many views together; 40 are kept, and all remembered.
-    modes.learn(moving.moments(0, 1600))
-    by_truth = _rms(_errors_m(modes, fixed(moving.CAMERA), moments))
-    assert _rms(_errors_m(modes, FREEZE, moments)) < 1.2 * by_truth
-    assert _rms(_errors_m(modes, SELF_CALIBRATE, moments)) < 1.2 * by_truth
-    assert _rms(_errors_m(modes, options('per_frame'), moments)) > 3.0 * by_truth
+def test_poses_of_a_calibrated_camera_are_nearly_as_accurate_as_with_the_true_camera():
+    """At most 20 % more error on the same views; a single view has three times the error."""
+    modes, views = Modes(), moving.views(2000, 2100)
+    # Many views determine the centre: 40 are keyframes, the others are marginalised.
+    modes.process_all(moving.views(0, 1600))
+    with_true_camera = _rms(_errors_m(modes, fixed(moving.CAMERA), views))
+    assert _rms(_errors_m(modes, FREEZE, views)) < 1.2 * with_true_camera
+    assert _rms(_errors_m(modes, SELF_CALIBRATE, views)) < 1.2 * with_true_camera
+    assert _rms(_errors_m(modes, options('per_frame'), views)) > 3.0 * with_true_camera
 
 
-def test_a_zoom_is_noticed_within_ten_views_and_recovered_from():
-    """Meanwhile, errors are within what the covariances say; afterwards they are small again."""
+def test_a_zoom_is_detected_within_ten_views_and_calibrated_again():
+    """Until then errors are within the covariances; afterwards they are small again."""
     modes = Modes()
-    modes.learn(moving.moments(0, LEARNING))
-    after = moving.moments(LEARNING, 2 * LEARNING, moving.ZOOMED)
-    answers = [modes.answer(moment) for moment in after]
-    noticed = [a.remark.cause for a in answers[:10] if a.remark is not None]
-    assert noticed == ['camera_changed']
-    for moment, answer in zip(after, answers, strict=True):
-        pose = answer.estimate.model.camera_from_board
-        assert moment.error_m(pose) < 3.0 * _sigma_m(answer), moment.index
-    assert modes.found.state is CalibrationState.CALIBRATED
-    assert modes.found.fused.camera.focal_px == pytest.approx(650.0, rel=0.005)
-    worst_before = max(_sigma_m(a) for a in answers[:10])
-    assert worst_before > 2.0 * _sigma_m(answers[-1])
+    modes.process_all(moving.views(0, CALIBRATING))
+    after = moving.views(CALIBRATING, 2 * CALIBRATING, moving.ZOOMED)
+    results = [modes.process(view.observation) for view in after]
+    causes = [r.notice.cause for r in results[:10] if r.notice is not None]
+    assert causes == ['camera_changed']
+    for view, result in zip(after, results, strict=True):
+        pose = result.estimate.model.camera_from_board
+        assert view.error_m(pose) < 3.0 * _sigma_m(result), view.index
+    assert modes.calibrations.state is CalibrationState.CALIBRATED
+    assert modes.calibrations.fused.camera.focal_px == pytest.approx(650.0, rel=0.005)
+    worst_before = max(_sigma_m(result) for result in results[:10])
+    assert worst_before > 2.0 * _sigma_m(results[-1])
 
 
-def _sigma_m(answer):
+def _sigma_m(result):
     """Return the standard deviation of the position, m."""
-    return float(np.sqrt(np.trace(answer.estimate.covariance[:3, :3])))
+    return float(np.sqrt(np.trace(result.estimate.covariance[:3, :3])))
 
 
-def test_the_camera_that_is_told_is_the_one_in_use():
-    """Another one after a view that has changed it, and the same after one that adds nothing."""
+def test_the_camera_to_publish_is_the_camera_in_use():
+    """A new one after a view that changes it, the same object after a redundant view."""
     modes = Modes()
-    first = modes.learn(moving.moments(0, 10))
-    assert first.camera == modes.found.fused.camera
-    again = modes.answer(moving.moments(9, 10)[0])
+    first = modes.process_all(moving.views(0, 10))
+    assert first.camera == modes.calibrations.fused.camera
+    again = modes.process(moving.views(9, 10)[0].observation)
     assert again.camera is first.camera
     assert again.estimate.model.camera == first.camera
 
 
-def test_a_pose_by_a_known_camera_does_not_wait_for_what_is_learnt():
-    """Until the camera is good, the view itself makes the pose better, and is learnt from."""
-    modes, told = Modes(), 0
-    modes.look(moving.moments(0, 1)[0])
-    assert modes.found.fused is not None
-    modes.learn(moving.moments(0, LEARNING))
-    for moment in moving.moments(LEARNING, 2 * LEARNING):
-        before = modes.found.fused
-        answer = modes.look(moment)
-        assert answer.estimate.model.camera == before.camera
-        assert modes.found.fused is before
-        told += answer.news().camera != before.camera
-    assert told > 0
+def test_a_calibrated_camera_gives_the_pose_before_it_is_updated():
+    """Before it is calibrated, it is updated first, which improves the pose."""
+    modes, poses = Modes(), []
+
+    def on_pose(estimate):
+        poses.append((estimate, modes.calibrations.fused))
+
+    first = modes.process(moving.views(0, 1)[0].observation, on_pose=on_pose)
+    [(estimate, fused)] = poses
+    assert estimate is first.estimate
+    assert fused is not None
+    modes.process_all(moving.views(0, CALIBRATING))
+    updates = 0
+    for view in moving.views(CALIBRATING, 2 * CALIBRATING):
+        poses.clear()
+        before = modes.calibrations.fused
+        result = modes.process(view.observation, on_pose=on_pose)
+        [(estimate, fused)] = poses
+        assert estimate is result.estimate
+        assert estimate.model.camera == before.camera
+        assert fused is before
+        updates += result.camera != before.camera
+    assert updates > 0
 
 
-def test_of_two_boards_in_a_picture_the_first_may_tell_of_the_change():
-    """The second agrees with the new camera; what the first has brought is not lost by that."""
+@pytest.mark.parametrize('mode', ['per_frame', 'fixed', 'camera_info'])
+def test_the_other_modes_give_the_pose_once(mode):
+    """It is the estimate that is returned."""
+    model = moving.CAMERA.to_camera_info_model(moving.SIZE)
+    info = camera_info_from_model_msg(scenes.header(0), ImageFrame(moving.SIZE), model)
+    settings = fixed(moving.CAMERA) if mode == 'fixed' else options(mode)
+    poses = []
+    observation = moving.views(0, 1)[0].observation
+    result = Modes(camera_info=info).process(observation, settings, poses.append)
+    assert [pose is result.estimate for pose in poses] == [True]
+
+
+def test_the_first_of_two_boards_in_an_image_may_reveal_the_change():
+    """The second board agrees with the new camera; the notice of the first is not lost."""
     modes = Modes()
-    modes.learn(moving.moments(0, LEARNING))
+    modes.process_all(moving.views(0, CALIBRATING))
     causes = []
-    for moment in moving.moments(LEARNING, 2 * LEARNING, moving.ZOOMED):
-        answers = [modes.look(moment), modes.look(moment)]
-        remarks = [answer.news().remark for answer in answers]
-        causes += [remark.cause for remark in remarks if remark is not None]
+    for view in moving.views(CALIBRATING, 2 * CALIBRATING, moving.ZOOMED):
+        notices = [modes.process(view.observation).notice for _ in range(2)]
+        causes += [notice.cause for notice in notices if notice is not None]
     assert 'camera_changed' in causes
 
 
-def test_fixed_freezes_the_camera_that_was_found(learned):
+def test_fixed_keeps_the_estimated_camera(calibrated):
     """Views of another camera do not change it."""
-    found = learned.found.fused
-    for moment in moving.moments(LEARNING, LEARNING + 20, moving.ZOOMED):
-        answer = learned.answer(moment, FREEZE)
-        assert answer.estimate.model is None or answer.estimate.model.camera == found.camera
-    assert learned.found.fused is found
+    fused = calibrated.calibrations.fused
+    for view in moving.views(CALIBRATING, CALIBRATING + 20, moving.ZOOMED):
+        result = calibrated.process(view.observation, FREEZE)
+        assert result.estimate.model is None or result.estimate.model.camera == fused.camera
+    assert calibrated.calibrations.fused is fused
 
 
-def test_fixed_without_a_camera_says_what_is_missing():
-    """It names the parameters that would help."""
-    rejected = Modes().answer(moving.moments(0, 1)[0], FREEZE)
+def test_fixed_without_a_camera_lists_the_parameters_to_set():
+    """The reason names them."""
+    rejected = Modes().process(moving.views(0, 1)[0].observation, FREEZE)
     assert rejected.cause == 'no_camera'
     assert 'intrinsics.focal_px' in rejected.reason
     assert 'calibration_file' in rejected.reason
 
 
-def test_fixed_tells_its_camera():
-    """The one of the moment: parameters may change."""
-    first, second = moving.moments(0, 2)
+def test_fixed_publishes_the_camera_of_the_parameters():
+    """The current one: parameters may change."""
+    first, second = moving.views(0, 2)
     settings = fixed(moving.CAMERA)
     modes = Modes()
-    assert modes.answer(first, settings).camera == moving.CAMERA
+    assert modes.process(first.observation, settings).camera == moving.CAMERA
     other = replaced(settings, {'intrinsics.k': -0.2})
-    assert modes.answer(second, other).camera.k == -0.2
+    assert modes.process(second.observation, other).camera.k == -0.2
 
 
 @pytest.mark.parametrize('mode', ['camera_info', 'fixed'])
-def test_a_camera_that_somebody_else_has_calibrated_gives_the_true_pose(mode):
-    """By a CameraInfo, or by a file of another program; its model is not ours."""
+def test_the_calibration_of_another_program_gives_the_true_pose(mode):
+    """From camera_info or from a file; its model is not the division model."""
     model = moving.CAMERA.to_camera_info_model(moving.SIZE)
+    info = camera_info_from_model_msg(scenes.header(0), ImageFrame(moving.SIZE), model)
     loaded = Calibration(image_size=moving.SIZE, camera_name='other', model=model)
-    modes = Modes(loaded=loaded, model=model)
-    moments = moving.moments(0, 20)
-    by_truth = [modes.answer(moment, fixed(moving.CAMERA)).estimate.model for moment in moments]
-    for moment, truth in zip(moments, by_truth, strict=True):
-        model = modes.answer(moment, options(mode)).estimate.model
-        pose, true = model.camera_from_board, truth.camera_from_board
+    modes = Modes(loaded=loaded, camera_info=info)
+    for view in moving.views(0, 20):
+        observation = view.observation
+        pose, true = (
+            modes.process(observation, settings).estimate.model.camera_from_board
+            for settings in (options(mode), fixed(moving.CAMERA))
+        )
         np.testing.assert_allclose(pose.translation, true.translation, atol=1e-6)
         assert rotation_angle_rad(pose.rotation, true.rotation) < 1e-5
 
 
-def test_a_camera_info_that_is_missing_is_the_reason():
-    """Passed on as it is."""
-    assert Modes().answer(moving.moments(0, 1)[0], options('camera_info')) is NO_CAMERA_INFO
+def test_a_missing_camera_info_is_rejected():
+    """In the mode camera_info only."""
+    rejected = Modes().process(moving.views(0, 1)[0].observation, options('camera_info'))
+    assert rejected.cause == 'no_camera_info'
 
 
-def test_new_thresholds_keep_the_camera():
-    """Nothing that was learned is lost when robust.* or calibration.* change."""
+def test_new_options_keep_the_camera():
+    """A change of robust.* or calibration.* does not discard the calibration."""
     modes = Modes()
-    modes.learn(moving.moments(0, LEARNING))
-    before = modes.found.fused
-    moment = moving.moments(LEARNING, LEARNING + 1)[0]
+    modes.process_all(moving.views(0, CALIBRATING))
+    before = modes.calibrations.fused
+    observation = moving.views(CALIBRATING, CALIBRATING + 1)[0].observation
     settings = options('self_calibrate', robust__threshold_px=4.0, calibration__max_views=30)
-    assert modes.answer(moment, settings).remark is None
-    assert modes.found.state is CalibrationState.CALIBRATED
-    assert abs(modes.found.fused.camera.focal_px - before.camera.focal_px) < before.focal_sigma_px
+    assert modes.process(observation, settings).notice is None
+    after = modes.calibrations
+    assert after.state is CalibrationState.CALIBRATED
+    assert abs(after.fused.camera.focal_px - before.camera.focal_px) < before.focal_sigma_px
 
 
-def test_a_calibration_that_was_loaded_holds_from_the_first_view(learned):
-    """And a reset forgets it."""
-    estimate = learned.found.fused
-    loaded = Calibration.from_estimate(estimate, moving.SIZE, 'camera')
-    modes = Modes(loaded=loaded)
-    moment = moving.moments(LEARNING, LEARNING + 1)[0]
-    answer = modes.answer(moment)
-    assert answer.camera is not None
-    assert modes.found.state is CalibrationState.CALIBRATED
-    assert _sigma_m(answer) < 0.6 * _sigma_m(modes.answer(moment, options('per_frame')))
-    modes.found.reset()
-    assert modes.found.state is CalibrationState.UNCALIBRATED
-    assert not modes.found.knows_any
+def test_a_loaded_calibration_is_used_from_the_first_view(calibrated):
+    """A reset discards it."""
+    estimate = calibrated.calibrations.fused
+    modes = Modes(loaded=Calibration.from_estimate(estimate, moving.SIZE, 'camera'))
+    observation = moving.views(CALIBRATING, CALIBRATING + 1)[0].observation
+    result = modes.process(observation)
+    assert result.camera is not None
+    assert modes.calibrations.state is CalibrationState.CALIBRATED
+    alone = modes.process(observation, options('per_frame'))
+    assert _sigma_m(result) < 0.6 * _sigma_m(alone)
+    modes.calibrations.reset()
+    assert modes.calibrations.state is CalibrationState.UNCALIBRATED
+    assert not modes.calibrations.has_camera

@@ -1,26 +1,24 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What /diagnostics says: its numbers, and how often; the clock is the test's."""
+"""The numbers on /diagnostics and the times of publishing, with the clock of the test."""
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from events import AMBIGUOUS, answer, BROKEN, GOOD, NO_SIZE, reject, UNSEEN
+from events import AMBIGUOUS, BAD_FIELDS, estimate, GOOD, NO_SIZE, reject, UNDETERMINED
 import numpy as np
-from p4pfr_ros import DivisionCamera
-from p4pfr_ros.core.many_views.results import CameraEstimate
-from p4pfr_ros.ros.conversions.diagnostics import diagnostics_msg
-from p4pfr_ros.ros.pose.health import Health, HealthStatus, Level
+from p4pfr_ros import CameraEstimate, DivisionCamera
+from p4pfr_ros.ros.pose.health import diagnostics_msg, Health, HealthStatus, Level
 from p4pfr_ros.ros.runtime.rejections import Rejected
 import pytest
 
 
 def test_numbers_of_one_view():
-    """Without self-calibration, what the view tells of the camera; what it does not is unknown."""
+    """Without self-calibration, the camera of the view; undetermined numbers are unknown."""
     health = Health(0.0)
-    answer(health, 1.0)
-    reject(health, 1.0, BROKEN)
-    reject(health, 1.0, BROKEN)
+    estimate(health, 1.0)
+    reject(health, 1.0, BAD_FIELDS)
+    reject(health, 1.0, BAD_FIELDS)
     values = health.status(1.0).values
     assert float(values['focal_px']) == pytest.approx(GOOD.model.camera.focal_px, abs=0.01)
     sigma_px = GOOD.covariance[6, 6] ** 0.5
@@ -34,16 +32,17 @@ def test_numbers_of_one_view():
     assert (values['received'], values['answered']) == ('3', '1')
     assert values['rejected.fields'] == '2'
     assert values['stamp_age_ms'] == '20.0'
-    answer(health, 2.0, UNSEEN)
+    assert values['status'] == GOOD.status.value
+    estimate(health, 2.0, UNDETERMINED)
     values = health.status(2.0).values
     assert values['focal_px'] == values['focal_sigma_px'] == values['k'] == 'unknown'
 
 
 def test_numbers_of_the_calibrated_camera():
-    """They stand above those of one view, and their names are the same."""
+    """They replace those of one view; the names are the same."""
     health = Health(0.0)
     before = set(health.status(0.5).values)
-    answer(health, 1.0)
+    estimate(health, 1.0)
     camera = DivisionCamera(533.0, (342.3, 233.9), -0.2, 0.01)
     variances = np.square([0.4, 0.5, 0.25, 0.001, 0.0, 0.0])
     fused = CameraEstimate(camera, np.diag(variances), rms_px=0.125, views=13)
@@ -75,21 +74,21 @@ def test_numbers_of_the_calibrated_camera():
     assert (values['center_x_px'], values['center_x_sigma_px']) == ('342.30', 'unknown')
 
 
-def test_it_is_published_every_second_and_at_once_on_change():
-    """A change of a number, or of a reason's wording, is none; and changes wait a tenth."""
+def test_it_is_published_every_second_and_after_a_change():
+    """At most every 0.1 s; a new number or a new text of a reason is not a change."""
     health = Health(0.0)
     assert health.due(0.0)
     health.status(0.0)
     assert not health.due(0.89)
     assert health.due(0.9999)
     health.status(0.9999)
-    answer(health, 1.05)
+    estimate(health, 1.05)
     assert not health.due(1.05)
     assert health.due(1.1)
     health.status(1.1)
-    answer(health, 1.3)
+    estimate(health, 1.3)
     assert not health.due(1.3)
-    reject(health, 1.4, BROKEN)
+    reject(health, 1.4, BAD_FIELDS)
     assert health.due(1.4)
     health.status(1.4)
     reject(health, 1.6, Rejected('fields', 'expected something else'))
@@ -98,31 +97,31 @@ def test_it_is_published_every_second_and_at_once_on_change():
     assert health.due(1.7)
 
 
-def test_a_second_is_a_second_though_no_timer_is_exact():
-    """Early, late, and with changes in between: each call of the timer's publishes."""
+def test_each_call_of_an_inexact_timer_publishes():
+    """Early, late, and with changes in between."""
     rng = np.random.default_rng(0)
     health = Health(100.0)
     health.status(100.0)
-    # The timer's own phase is any.
+    # The phase of the timer is arbitrary.
     for second in range(1, 300):
         now_s = 100.4 + second + rng.uniform(-0.01, 0.01)
         assert health.due(now_s), second
         health.status(now_s)
         if rng.integers(3) == 0:
             changed_s = now_s + rng.uniform(0.15, 0.85)
-            answer(health, changed_s, AMBIGUOUS if rng.integers(2) else GOOD)
+            estimate(health, changed_s, AMBIGUOUS if rng.integers(2) else GOOD)
             if health.due(changed_s):
                 health.status(changed_s)
 
 
-def test_messages_at_any_rate_do_not_make_it_more_often():
-    """Each may publish, and one a second does."""
+def test_the_message_rate_does_not_change_the_publishing_rate():
+    """Any message may publish; one in a second does."""
     health = Health(0.0)
-    answer(health, 0.0)
+    estimate(health, 0.0)
     health.status(0.0)
     times_s = []
     for i in range(1, 30 * 60):
-        answer(health, i / 30.0)
+        estimate(health, i / 30.0)
         if health.due(i / 30.0):
             health.status(i / 30.0)
             times_s.append(i / 30.0)
@@ -130,22 +129,22 @@ def test_messages_at_any_rate_do_not_make_it_more_often():
     assert np.diff(times_s).max() < 1.2
 
 
-def test_corners_that_stop_are_noticed_by_the_clock_alone():
+def test_the_timer_detects_that_points_stop():
     health = Health(0.0)
-    answer(health, 1.0)
+    estimate(health, 1.0)
     health.status(3.5)
     assert not health.due(3.95)
     assert health.due(4.1)
 
 
-def test_the_levels_are_those_of_the_message():
+def test_the_levels_are_those_of_diagnostic_msgs():
     names = {level.name: bytes([level]) for level in Level}
     assert names == {name: getattr(DiagnosticStatus, name) for name in names}
     assert len(names) == 4
 
 
 def test_a_status_becomes_a_message():
-    """One status, with all its values in order."""
+    """One status with all values in order."""
     status = HealthStatus(Level.WARN, 'why', {'b': '1', 'a': '2'})
     msg = diagnostics_msg(Time(sec=7), 'pose_node: camera', 'a_camera', status)
     assert msg.header.stamp.sec == 7

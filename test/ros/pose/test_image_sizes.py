@@ -1,58 +1,67 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Pictures of another size are of another camera, as far as anybody can tell."""
+"""Images of another size are treated as images of another camera."""
 
-from modes import FREEZE, LEARNING, Modes, SELF_CALIBRATE
+from modes import CALIBRATING, FREEZE, Modes
 import moving
 from p4pfr_ros import CalibrationState
 from p4pfr_ros.files.calibration import Calibration
-from p4pfr_ros.ros.pose.camera_source import View
 from p4pfr_ros.ros.runtime.rejections import Rejected
 
 
-def test_pictures_of_another_size_are_of_another_camera():
-    """It is said, and the calibration begins anew."""
-    modes = Modes()
-    modes.learn(moving.moments(0, 10))
-    view = moving.moments(10, 11)[0].view
-    larger = View(2.0 * view.image_points + 0.5, view.board_points, (1280, 960), 10)
-    remark = modes._intrinsics.answer(larger, SELF_CALIBRATE).news().remark
-    assert remark.cause == 'image_size'
-    assert '640x480' in remark.reason
-    assert '1280x960' in remark.reason
-    assert modes.found.image_size == (1280, 960)
-    assert modes.found.state is not CalibrationState.CALIBRATED
-    assert modes._intrinsics.answer(larger, SELF_CALIBRATE).news().remark is None
-    third = View(view.image_points, view.board_points, (800, 600), 11)
-    assert isinstance(modes._intrinsics.answer(third, FREEZE), Rejected)
+def _larger(view):
+    """Return the view in an image of twice the size."""
+    return moving.observation(2.0 * view.image_points + 0.5, (1280, 960), view.index)
 
 
-def test_a_size_that_comes_back_brings_its_camera_back():
-    """A second camera_info, or a driver that was started anew, costs no calibration."""
+def test_another_image_size_is_another_camera():
+    """A notice names both sizes, and the calibration restarts."""
     modes = Modes()
-    modes.learn(moving.moments(0, LEARNING))
-    before, moment = modes.found.fused, moving.moments(LEARNING, LEARNING + 1)[0]
-    view = moment.view
-    larger = View(2.0 * view.image_points + 0.5, view.board_points, (1280, 960), 10)
-    assert modes._intrinsics.answer(larger, SELF_CALIBRATE).news().restarted
-    again = modes.answer(moment)
+    modes.process_all(moving.views(0, 10))
+    view = moving.views(10, 11)[0]
+    notice = modes.process(_larger(view)).notice
+    assert notice.cause == 'image_size'
+    assert '640x480' in notice.reason
+    assert '1280x960' in notice.reason
+    assert modes.calibrations.image_size == (1280, 960)
+    assert modes.calibrations.state is not CalibrationState.CALIBRATED
+    assert modes.process(_larger(view)).notice is None
+    third = moving.observation(view.image_points, (800, 600), 11)
+    assert isinstance(modes.process(third, FREEZE), Rejected)
+
+
+def test_the_camera_of_an_earlier_image_size_is_loaded_again():
+    """So a second camera_info or a restarted driver does not discard the calibration."""
+    modes = Modes()
+    modes.process_all(moving.views(0, CALIBRATING))
+    before, view = modes.calibrations.fused, moving.views(CALIBRATING, CALIBRATING + 1)[0]
+    modes.process(_larger(view))
+    assert modes.calibrations.restarted
+    again = modes.process(view.observation)
     assert again.estimate.model.camera == before.camera
-    assert again.remark.reason.endswith('taken for the one of which pictures came before')
-    for width in range(641, 660):
-        other = View(view.image_points, view.board_points, (width, 480), 10)
-        modes._intrinsics.answer(other, SELF_CALIBRATE).news()
-    assert len(modes.found._known_by_size) <= 8
+    assert again.notice.reason.endswith('treated as the earlier camera of that size')
+    sizes = [(width, 480) for width in range(641, 660)]
+    for size in sizes:
+        modes.process(moving.observation(view.image_points, size, 10))
+    # All sizes had a camera; the number of stored ones is limited.
+    known = [size for size in sizes if not _is_rejected(modes.calibrations.known_camera(size))]
+    assert 0 < len(known) <= 1 + 8
+    assert known == sizes[-len(known) :]
 
 
-def test_a_loaded_calibration_of_another_size_is_remarked_upon():
-    """It is not taken, and nothing has started over."""
-    learned = Modes()
-    learned.learn(moving.moments(0, LEARNING))
-    found = Calibration.from_estimate(learned.found.fused, (1280, 960), 'left')
-    modes = Modes(found)
-    news = modes.look(moving.moments(0, 1)[0]).news()
-    assert news.remark.cause == 'image_size'
-    assert '1280x960' in news.remark.reason
-    assert not news.restarted
-    assert modes.answer(moving.moments(1, 2)[0]).remark is None
+def _is_rejected(camera):
+    return isinstance(camera, Rejected)
+
+
+def test_a_loaded_calibration_of_another_image_size_is_reported():
+    """It is not used, and nothing has restarted."""
+    calibrated = Modes()
+    calibrated.process_all(moving.views(0, CALIBRATING))
+    fused = calibrated.calibrations.fused
+    modes = Modes(Calibration.from_estimate(fused, (1280, 960), 'left'))
+    notice = modes.process(moving.views(0, 1)[0].observation).notice
+    assert notice.cause == 'image_size'
+    assert '1280x960' in notice.reason
+    assert not modes.calibrations.restarted
+    assert modes.process(moving.views(1, 2)[0].observation).notice is None

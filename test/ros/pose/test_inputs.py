@@ -1,145 +1,118 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From messages to the boards that they show; over DDS, other tests see them answered."""
+"""Messages to observations; the DDS tests cover the estimates."""
 
-import sys
-from types import ModuleType
-
-from geometry_msgs.msg import PolygonStamped
+from apriltag import AprilTagDetection, AprilTagDetectionArray, Point
 import numpy as np
-from p4pfr_ros.ros.parameters.declare import Parameters
-from p4pfr_ros.ros.parameters.image_node_options import PoseNodeOptions
-from p4pfr_ros.ros.pose.inputs import Inputs
-from p4pfr_ros.ros.pose.targets import MARKER, Targets
+from p4pfr_ros.ros.parameters.declare import replaced
+from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
+from p4pfr_ros.ros.pose.inputs import Inputs, MARKER
 from p4pfr_ros.ros.runtime.rejections import Rejected
 import pytest
-import rclpy
-from rclpy.parameter import Parameter
 import scenes
-from sensor_msgs.msg import PointCloud2
-from test_detection_messages import AprilTagDetection, AprilTagDetectionArray, Point
 
 BOARDS = """
 boards:
   gate: {type: marker, id: 3, size_m: 0.12, dictionary: DICT_APRILTAG_36h11}
   door: {type: marker, id: 4, size_m: 0.06, dictionary: DICT_APRILTAG_36h11}
 """
-
-
-class Heard:
-    """Inputs of two boards, and what came of messages."""
-
-    def __init__(self, node, folder):
-        (folder / 'boards.yaml').write_text(BOARDS)
-        self.answers = []
-        targets = Targets(str(folder / 'boards.yaml'))
-        config = Parameters(node, PoseNodeOptions())
-        self.inputs = Inputs(targets, config, lambda *answer: self.answers.append(answer))
+OPTIONS = replaced(PoseNodeOptions(), {'marker.size_m': scenes.MARKER_M})
 
 
 @pytest.fixture
-def heard(dds, tmp_path):
-    """Give inputs of a node that nobody talks to."""
-    given = [Parameter('marker.size_m', value=scenes.MARKER_M)]
-    node = rclpy.create_node('with_inputs', parameter_overrides=given)
-    yield Heard(node, tmp_path)
-    node.destroy_node()
+def inputs(tmp_path):
+    """Give inputs with two boards and an image size."""
+    (tmp_path / 'boards.yaml').write_text(BOARDS)
+    inputs = Inputs(str(tmp_path / 'boards.yaml'))
+    assert inputs.use_camera_info(scenes.camera_info()) is None
+    return inputs
 
 
 def _detection(tag, corners):
-    """Make a detection as apriltag_ros does: from the bottom left, half a pixel further."""
+    """Make a detection as apriltag_ros does: from the bottom left, with an offset of 0.5 px."""
     points = [Point(x, y) for x, y in (corners[[3, 2, 1, 0]] + 0.5).tolist()]
     return AprilTagDetection(family='tag36h11', id=tag, corners=points)
 
 
-def test_detections_are_sorted_by_board(heard):
-    """One message, two boards, each with its corners in our order and its own size."""
-    corners = scenes.seen(scenes.ARUCO)
+def test_detections_are_assigned_to_their_boards(inputs):
+    """One message with two boards: each has its corners in our order, and its own size."""
+    corners = scenes.project(scenes.ARUCO)
     msg = AprilTagDetectionArray(
         scenes.header(5), [_detection(4, corners), _detection(3, corners), _detection(9, corners)]
     )
-    heard.inputs.on_detections(msg)
-    [(header, found)] = heard.answers
-    assert header == msg.header
-    assert [target.prefix for target, _ in found] == ['~/gate', '~/door']
-    for (_, points), size_m in zip(found, (0.12, 0.06), strict=True):
-        np.testing.assert_allclose(points.image_points, corners)
-        np.testing.assert_allclose(np.ptp(points.board_points, axis=0), size_m)
+    observations = inputs.from_detections(msg, OPTIONS)
+    assert [o.target.prefix for o in observations] == ['~/gate', '~/door']
+    for observation, size_m in zip(observations, (0.12, 0.06), strict=True):
+        assert observation.header == msg.header
+        assert observation.frame.size == scenes.SIZE
+        np.testing.assert_allclose(observation.image_points, corners)
+        np.testing.assert_allclose(np.ptp(observation.points.board_points, axis=0), size_m)
 
 
-def test_a_message_that_cannot_be_right_is_passed_on_with_its_reason(heard):
-    """Whatever topic it came on."""
-    heard.inputs.on_detections(
-        AprilTagDetectionArray(scenes.header(1), [_detection(9, scenes.seen(scenes.ARUCO))])
+def test_an_invalid_message_is_rejected_with_its_cause(inputs):
+    """On any topic."""
+    detections = AprilTagDetectionArray(
+        scenes.header(1), [_detection(9, scenes.project(scenes.ARUCO))]
     )
-    heard.inputs.on_corners(scenes.polygon(2, []))
     cloud = scenes.board_cloud(3)
     cloud.data = cloud.data[:-1]
-    heard.inputs.on_correspondences(cloud)
-    found = [rejected for _, [rejected] in heard.answers]
-    assert all(isinstance(rejected, Rejected) for rejected in found)
-    assert [rejected.cause for rejected in found] == ['unknown_tags', 'point_count', 'truncated']
+    rejected = [
+        *inputs.from_detections(detections, OPTIONS),
+        *inputs.from_corners(scenes.polygon(2, []), OPTIONS),
+        *inputs.from_cloud(cloud, OPTIONS),
+    ]
+    assert all(isinstance(one, Rejected) for one in rejected)
+    assert [one.cause for one in rejected] == ['unknown_tags', 'point_count', 'truncated']
 
 
-def test_a_bad_tag_is_passed_on_beside_the_boards_that_are_seen(heard):
-    """With its reason."""
-    good, bad = (_detection(tag, scenes.seen(scenes.ARUCO)) for tag in (4, 3))
+def test_an_invalid_tag_does_not_reject_other_boards(inputs):
+    """Its own board is rejected."""
+    good, bad = (_detection(tag, scenes.project(scenes.ARUCO)) for tag in (4, 3))
     bad.corners[0] = Point(float('nan'), 1.0)
-    heard.inputs.on_detections(AprilTagDetectionArray(scenes.header(1), [bad, good]))
-    [(_, [rejected, (target, _)])] = heard.answers
-    assert (rejected.cause, target.prefix) == ('not_finite', '~/door')
+    msg = AprilTagDetectionArray(scenes.header(1), [bad, good])
+    rejected, observation = inputs.from_detections(msg, OPTIONS)
+    assert (rejected.cause, observation.target.prefix) == ('not_finite', '~/door')
 
 
-def test_a_cloud_of_nobody_knows_which_board_is_rejected(heard):
-    """It is not the first one's by default."""
-    heard.inputs.on_correspondences(scenes.board_cloud(3))
-    [(_, [rejected])] = heard.answers
+def test_a_cloud_of_an_unknown_board_is_rejected(inputs):
+    """The first board is not a default."""
+    [rejected] = inputs.from_cloud(scenes.board_cloud(3), OPTIONS)
     assert rejected.cause == 'unknown_board'
 
 
-class Topics:
-    """What is subscribed to."""
-
-    def __init__(self):
-        self.callbacks = {}
-
-    def subscribe(self, message_type, topic, callback):
-        """Take note."""
-        self.callbacks[topic] = message_type, callback
+def test_an_empty_detection_array_has_no_observation(inputs):
+    """It is valid."""
+    assert inputs.from_detections(AprilTagDetectionArray(scenes.header(1), []), OPTIONS) == []
 
 
-def test_detections_are_listened_to_where_their_package_and_boards_are(heard, monkeypatch):
-    """The other topics always are."""
-    always = {
-        'corners': (PolygonStamped, heard.inputs.on_corners),
-        'correspondences': (PointCloud2, heard.inputs.on_correspondences),
-    }
-    monkeypatch.setitem(sys.modules, 'apriltag_msgs', None)
-    assert _topics(heard.inputs) == always
-    package, messages = ModuleType('apriltag_msgs'), ModuleType('apriltag_msgs.msg')
-    messages.AprilTagDetectionArray = AprilTagDetectionArray
-    monkeypatch.setitem(sys.modules, 'apriltag_msgs', package)
-    monkeypatch.setitem(sys.modules, 'apriltag_msgs.msg', messages)
-    both = {'detections': (AprilTagDetectionArray, heard.inputs.on_detections)}
-    assert _topics(heard.inputs) == always | both
-    assert list(_topics(Inputs(Targets(''), None, None))) == list(always)
+def test_corners_belong_to_the_marker_of_the_parameters(inputs):
+    """Even with boards in a file."""
+    [observation] = inputs.from_corners(scenes.polygon(2, scenes.project(scenes.ARUCO)), OPTIONS)
+    assert observation.target is MARKER
 
 
-def _topics(inputs):
-    topics = Topics()
-    inputs.subscribe(topics)
-    return topics.callbacks
+def test_the_image_size_comes_from_camera_info_or_the_parameters():
+    """The parameters apply until the first camera_info; without either, points are rejected."""
+    inputs, cloud = Inputs(''), scenes.board_cloud(1)
+    [rejected] = inputs.from_cloud(cloud, OPTIONS)
+    assert rejected.cause == 'no_image_size'
+    sized = replaced(OPTIONS, {'image.width_px': 800, 'image.height_px': 600})
+    [observation] = inputs.from_cloud(cloud, sized)
+    assert observation.frame.size == (800, 600)
+    assert inputs.use_camera_info(scenes.camera_info()) is None
+    [observation] = inputs.from_cloud(cloud, sized)
+    assert observation.frame.size == scenes.SIZE
 
 
-def test_an_empty_array_of_detections_shows_nothing(heard):
-    """It is not wrong either."""
-    heard.inputs.on_detections(AprilTagDetectionArray(scenes.header(1), []))
-    assert [list(found) for _, found in heard.answers] == [[]]
-
-
-def test_corners_are_of_a_marker_that_no_file_knows_of(heard):
-    """Though there are boards in a file."""
-    heard.inputs.on_corners(scenes.polygon(2, scenes.seen(scenes.ARUCO)))
-    [(_, [(target, _)])] = heard.answers
-    assert target is MARKER
+def test_points_outside_the_image_are_rejected():
+    """A fitted corner may lie slightly outside."""
+    inputs = Inputs('')
+    assert inputs.use_camera_info(scenes.camera_info()) is None
+    corners = scenes.project(scenes.ARUCO)
+    for offset_px, is_rejected in ((0.0, False), (2.0, False), (2.1, True)):
+        x = corners[:, 0] - corners[:, 0].min() - 0.5 - offset_px
+        msg = scenes.polygon(1, np.column_stack([x, corners[:, 1]]))
+        [one] = inputs.from_corners(msg, OPTIONS)
+        assert isinstance(one, Rejected) == is_rejected, offset_px
+        assert not is_rejected or one.cause == 'outside_image'

@@ -1,15 +1,15 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How often and how fast, over the last seconds; the clock is the test's."""
+"""Rate and latency over the last seconds, with the clock of the test."""
 
 import numpy as np
-from p4pfr_ros.ros.pose.latencies import Latencies, WINDOW_S
+from p4pfr_ros.ros.pose.health_values import Latencies, WINDOW_S
 import pytest
 
 
-def test_latencies_are_of_the_last_seconds():
-    """Quantiles are latencies that were measured; what left the window counts no more."""
+def test_quantiles_are_measured_latencies_of_the_window():
+    """Latencies before the window do not count."""
     latencies = Latencies(0.0)
     latencies.add(1.0, 9.0)
     for i in range(100):
@@ -23,7 +23,7 @@ def test_latencies_are_of_the_last_seconds():
 
 @pytest.mark.parametrize('rate_hz', [30.0, 1000.0, 4000.0])
 def test_the_rate_is_right_from_the_first_second_on(rate_hz):
-    """Also where more answers come than are kept."""
+    """Also with more estimates than are stored."""
     latencies = Latencies(100.0)
     for i in range(1, int(7 * rate_hz) + 1):
         now_s = 100.0 + i / rate_hz

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Poses onto /tf: the transform, and what happens with and without ``tf2_ros``."""
+"""Poses on /tf: the transform, with and without ``tf2_ros``."""
 
 import sys
 from types import ModuleType
@@ -10,7 +10,7 @@ from geometry_msgs.msg import TransformStamped
 import numpy as np
 from p4pfr_ros import Pose
 from p4pfr_ros.ros.conversions.poses import transform_msg
-from p4pfr_ros.ros.pose.transforms import Transforms
+from p4pfr_ros.ros.pose.outputs import Transforms
 from p4pfr_ros.ros.runtime.endpoints import Endpoints
 import pytest
 import rclpy
@@ -27,8 +27,8 @@ def pose_of(msg):
     return Pose.from_quaternion_xyzw([q.x, q.y, q.z, q.w], [t.x, t.y, t.z])
 
 
-def test_a_transform_takes_points_of_the_child_to_the_parent():
-    """The board is the child of the camera that the header names."""
+def test_a_transform_maps_points_of_the_child_to_the_parent():
+    """The parent is the header's frame, the child the board frame."""
     msg = transform_msg(scenes.header(3), 'board', POSE)
     assert (msg.header.frame_id, msg.child_frame_id) == ('a_camera', 'board')
     assert msg.header.stamp == scenes.header(3).stamp
@@ -38,7 +38,7 @@ def test_a_transform_takes_points_of_the_child_to_the_parent():
 
 
 def test_an_inverse_transform_has_the_camera_as_its_child():
-    """Names and numbers change sides together, and the header that came stays as it is."""
+    """Names and numbers are inverted together; the given header is not modified."""
     header = scenes.header(3)
     msg = transform_msg(header, 'board', POSE, inverse=True)
     assert (msg.header.frame_id, msg.child_frame_id) == ('board', 'a_camera')
@@ -50,25 +50,25 @@ def test_an_inverse_transform_has_the_camera_as_its_child():
 
 
 class _Broadcaster:
-    """Stands in for tf2_ros's own, which only a ROS installation has; it keeps what it is sent."""
+    """Records transforms instead of tf2_ros, which only a ROS installation has."""
 
     def __init__(self, node):
         self.pub_tf = node.create_publisher(TransformStamped, '/tf_stand_in', 100)
         self.sent = node.sent = []
 
-    def sendTransform(self, transform):  # its name there
+    def sendTransform(self, transform):  # the name in tf2_ros
         self.sent.append(transform)
 
 
 @pytest.fixture
 def node(dds, monkeypatch):
-    """Make a node whose log is kept."""
+    """Give a node with a recorded log."""
     node = rclpy.create_node('with_transforms')
-    said = node.said = []
+    logged = node.logged = []
     monkeypatch.setattr(
         type(node.get_logger()),
         'log',
-        lambda _, text, severity, **__: said.append((severity, text)),
+        lambda _, text, severity, **__: logged.append((severity, text)),
     )
     yield node
     node.destroy_node()
@@ -76,26 +76,26 @@ def node(dds, monkeypatch):
 
 @pytest.fixture
 def tf2_ros(monkeypatch):
-    """Make a stand-in for tf2_ros."""
+    """Replace tf2_ros."""
     module = ModuleType('tf2_ros')
     module.TransformBroadcaster = _Broadcaster
     monkeypatch.setitem(sys.modules, 'tf2_ros', module)
 
 
 def test_poses_are_broadcast(node, tf2_ros):
-    """In the way that was asked for."""
+    """In either direction."""
     transforms = Transforms(node, Endpoints(node))
-    transforms.send(scenes.header(3), 'board', POSE)
-    transforms.send(scenes.header(4), 'board', POSE, inverse=True)
+    transforms.publish(scenes.header(3), 'board', POSE)
+    transforms.publish(scenes.header(4), 'board', POSE, inverse=True)
     assert node.sent == [
         transform_msg(scenes.header(3), 'board', POSE),
         transform_msg(scenes.header(4), 'board', POSE, inverse=True),
     ]
-    assert not node.said
+    assert not node.logged
 
 
-def test_its_publisher_is_taken_down_with_the_others(node, tf2_ros):
-    """As often as it is made: a node that is configured again has one."""
+def test_its_publisher_is_destroyed_with_the_endpoints(node, tf2_ros):
+    """A node that is configured again has one publisher."""
     before = [publisher.topic_name for publisher in node.publishers]
     for _ in range(2):
         endpoints = Endpoints(node)
@@ -106,21 +106,21 @@ def test_its_publisher_is_taken_down_with_the_others(node, tf2_ros):
 
 
 @pytest.mark.parametrize('frame_id', ['', 'board'])
-def test_a_transform_that_no_listener_takes_is_not_sent(node, tf2_ros, frame_id):
-    """A frame without a name, and one that is its own parent."""
-    Transforms(node, Endpoints(node)).send(scenes.header(3, frame_id), 'board', POSE)
+def test_an_invalid_transform_is_not_sent(node, tf2_ros, frame_id):
+    """An empty frame_id, or a frame that is its own parent."""
+    Transforms(node, Endpoints(node)).publish(scenes.header(3, frame_id), 'board', POSE)
     assert not node.sent
-    ((severity, text),) = node.said
+    ((severity, text),) = node.logged
     assert severity == LoggingSeverity.WARN
     assert repr(frame_id) in text
 
 
-def test_without_tf2_ros_one_line_says_so(node, monkeypatch):
-    """And that is all: poses are sent in vain, without a word."""
+def test_without_tf2_ros_one_line_is_logged(node, monkeypatch):
+    """Poses are not sent, and nothing else is logged."""
     monkeypatch.setitem(sys.modules, 'tf2_ros', None)
     transforms = Transforms(node, Endpoints(node))
-    transforms.send(scenes.header(3), 'board', POSE)
-    transforms.send(scenes.header(3, ''), 'board', POSE)
-    assert [text for _, text in node.said] == [
+    transforms.publish(scenes.header(3), 'board', POSE)
+    transforms.publish(scenes.header(3, ''), 'board', POSE)
+    assert [text for _, text in node.logged] == [
         'tf2_ros is not installed: nothing is published on /tf'
     ]

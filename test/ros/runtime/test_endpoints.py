@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a node hears and says can be tuned from outside, by ROS's own parameters."""
+"""QoS overrides of a node, over DDS."""
 
 from geometry_msgs.msg import PoseStamped
 import pytest
@@ -12,13 +12,13 @@ from sensor_msgs.msg import CameraInfo, PointCloud2
 pytestmark = pytest.mark.dds
 
 
-def test_a_camera_info_that_was_said_once_is_heard(peer):
-    """A latched topic: published before the node was there, and never again."""
+def test_a_latched_camera_info_is_received(peer):
+    """It was published once, before the node started."""
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     info = peer.node.create_publisher(CameraInfo, 'camera_info', latched)
     info.publish(scenes.camera_info())
     override = f'qos_overrides.{peer.namespace}/camera_info.subscription'
-    poses = peer.listen(PoseStamped, 'pose_node/pose')
+    poses = peer.subscribe(PoseStamped, 'pose_node/pose')
     cloud = peer.publisher(PointCloud2, 'correspondences')
     misspelt = f'{override}.depht'
     node = peer.start(

@@ -1,12 +1,12 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a user may say of a node's endpoints, and how they are made; in process."""
+"""QoS overrides, service names, timers and subscribers of endpoints; in process."""
 
 import time
 
-from p4pfr_ros.files.yaml_fields import ConfigError
-from p4pfr_ros.ros.pose.services import CameraInfoSetter
+from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.ros.pose.calibration_keeper import CameraInfoSetter
 from p4pfr_ros.ros.runtime.endpoints import Endpoints, is_awaited
 from p4pfr_ros.ros.runtime.overrides import warn_of_unknown_overrides
 import pytest
@@ -15,7 +15,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import Header
 
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 MAKERS = {
     'subscription': lambda endpoints: endpoints.subscribe(Header, 'topic', lambda _: None),
     'publisher': lambda endpoints: endpoints.advertise(Header, 'topic', latched=True),
@@ -25,7 +25,7 @@ over_kinds = pytest.mark.parametrize('kind', MAKERS)
 
 @pytest.fixture
 def make(dds, monkeypatch):
-    """Make nodes with parameters, whose log is kept."""
+    """Make nodes with parameters and a recorded log."""
     nodes = []
 
     def make(parameters, **options):
@@ -33,9 +33,9 @@ def make(dds, monkeypatch):
         options = {'namespace': '/ours', 'parameter_overrides': overrides} | options
         node = rclpy.create_node('with_endpoints', **options)
         nodes.append(node)
-        said = node.said = []
+        logged = node.logged = []
         monkeypatch.setattr(
-            type(node.get_logger()), 'log', lambda _, text, severity, **__: said.append(text)
+            type(node.get_logger()), 'log', lambda _, text, severity, **__: logged.append(text)
         )
         return node
 
@@ -45,7 +45,7 @@ def make(dds, monkeypatch):
 
 
 def _qos(node, kind):
-    """Return the QoS that an endpoint of the topic has for others."""
+    """Return the QoS of an endpoint of the topic in the graph."""
     infos = {
         'subscription': node.get_subscriptions_info_by_topic,
         'publisher': node.get_publishers_info_by_topic,
@@ -58,8 +58,8 @@ def _qos(node, kind):
 
 
 @over_kinds
-def test_an_override_is_taken(make, kind):
-    """Each policy of each kind of endpoint, in capitals too, and by no other endpoint."""
+def test_an_override_is_applied(make, kind):
+    """Each policy of each kind of endpoint, also in capitals."""
     prefix = f'qos_overrides./ours/topic.{kind}'
     parameters = {
         f'{prefix}.reliability': 'BEST_EFFORT' if kind == 'publisher' else 'RELIABLE',
@@ -69,16 +69,16 @@ def test_an_override_is_taken(make, kind):
     }
     node = make(parameters)
     MAKERS[kind](Endpoints(node))
-    ours = _qos(node, kind)
+    qos = _qos(node, kind)
     if kind == 'publisher':
-        assert ours.reliability == ReliabilityPolicy.BEST_EFFORT
-        assert ours.durability == DurabilityPolicy.VOLATILE
+        assert qos.reliability == ReliabilityPolicy.BEST_EFFORT
+        assert qos.durability == DurabilityPolicy.VOLATILE
     else:
-        assert ours.reliability == ReliabilityPolicy.RELIABLE
-        assert ours.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        assert qos.reliability == ReliabilityPolicy.RELIABLE
+        assert qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
     given = node.get_parameters_by_prefix(prefix)
     assert {f'{prefix}.{name}': p.value for name, p in given.items()} == parameters
-    assert not node.said
+    assert not node.logged
 
 
 @over_kinds
@@ -97,8 +97,8 @@ def test_an_override_is_taken(make, kind):
         ('depth', True, 'an integer from 0 to 2147483647'),
     ],
 )
-def test_a_wrong_override_is_one_line_for_the_user(make, kind, policy, value, expected):
-    """It names node and parameter, and says what was expected and what came."""
+def test_an_invalid_override_is_an_error_of_one_line(make, kind, policy, value, expected):
+    """It names node, parameter, valid values and the given one."""
     name = f'qos_overrides./ours/topic.{kind}.{policy}'
     with pytest.raises(ConfigError) as error:
         MAKERS[kind](Endpoints(make({name: value})))
@@ -108,8 +108,8 @@ def test_a_wrong_override_is_one_line_for_the_user(make, kind, policy, value, ex
     assert '\n' not in message
 
 
-def test_an_override_is_of_the_topic_that_is_talked_on(make):
-    """After remapping, as ROS has it."""
+def test_an_override_has_the_topic_name_after_remapping(make):
+    """As in ROS."""
     node = make(
         {'qos_overrides./elsewhere.publisher.depth': -1},
         cli_args=['--ros-args', '-r', 'topic:=/elsewhere'],
@@ -118,51 +118,51 @@ def test_an_override_is_of_the_topic_that_is_talked_on(make):
         MAKERS['publisher'](Endpoints(node))
 
 
-def test_an_override_of_no_endpoint_is_warned_of(make):
-    """With what may have been meant; those that ROS itself takes are not."""
-    taken = 'qos_overrides./ours/topic.subscription.depth'
-    misspelt = taken.replace('topic', 'topics')
+def test_an_unused_override_is_warned_of(make):
+    """With a suggestion; overrides that ROS itself uses are not."""
+    used = 'qos_overrides./ours/topic.subscription.depth'
+    misspelt = used.replace('topic', 'topics')
     clock = 'qos_overrides./clock.subscription.depth'
-    node = make({misspelt: 3, taken: 3, clock: 3, 'qos_overrides./x.publisher.lifespan': 1})
+    node = make({misspelt: 3, used: 3, clock: 3, 'qos_overrides./x.publisher.lifespan': 1})
     MAKERS['subscription'](Endpoints(node))
     warn_of_unknown_overrides(node)
-    assert node.said == [
-        f'unknown parameter {misspelt} is ignored (did you mean {taken}?)',
+    assert node.logged == [
+        f'unknown parameter {misspelt} is ignored (did you mean {used}?)',
         'unknown parameter qos_overrides./x.publisher.lifespan is ignored',
     ]
 
 
 @pytest.mark.parametrize('service', ['bad name!', 'a/', '1st', 'a//b', '{camera}/set'])
-def test_a_name_that_no_service_has_is_one_line_for_the_user(make, service):
-    """It names node and parameter, and says what came and what is wrong with it."""
-    endpoints = Endpoints(make({}))
+def test_an_invalid_service_name_is_an_error_of_one_line(make, service):
+    """It names node, parameter, the given name and what is wrong with it."""
+    node = make({})
     with pytest.raises(ConfigError) as error:
-        CameraInfoSetter(endpoints, service, print)
+        CameraInfoSetter(node.get_logger(), Endpoints(node), service)
     message = str(error.value)
     start = 'with_endpoints: set_camera_info_service: expected the name of a service, got '
     assert message.startswith(f'{start}{service!r}: topic name ')
     assert '\n' not in message
 
 
-def test_what_is_done_every_second_is_done_while_simulated_time_stands_still(make):
-    """Nobody publishes /clock."""
+def test_timers_run_while_simulated_time_stands_still(make):
+    """There is no /clock."""
     node = make({'use_sim_time': True})
     times = []
     Endpoints(node).every(0.005, lambda: times.append(node.get_clock().now().nanoseconds))
-    ends_s = time.monotonic() + PATIENCE_S
+    ends_s = time.monotonic() + TIMEOUT_S
     while len(times) < 2 and time.monotonic() < ends_s:
         rclpy.spin_once(node, timeout_sec=0.02)
     assert times[:2] == [0, 0]
 
 
-def test_a_message_is_awaited_by_who_listens_and_by_who_may_ask_later(make):
-    """The latter where the user overrides the durability."""
+def test_a_publisher_is_awaited_with_a_subscriber_or_if_latched(make):
+    """The user may make it latched by an override."""
     node = make({'qos_overrides./ours/later.publisher.durability': 'transient_local'})
     endpoints = Endpoints(node)
     now, later = (endpoints.advertise(Header, topic) for topic in ('now', 'later'))
     assert (is_awaited(now), is_awaited(later)) == (False, True)
     endpoints.subscribe(Header, 'now', lambda _: None)
-    ends_s = time.monotonic() + PATIENCE_S
+    ends_s = time.monotonic() + TIMEOUT_S
     while not is_awaited(now) and time.monotonic() < ends_s:
         time.sleep(0.01)
     assert is_awaited(now)

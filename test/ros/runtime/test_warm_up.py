@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nobody's message waits for the compiler."""
+"""No message waits for the compiler."""
 
 from pathlib import Path
 import subprocess
@@ -13,7 +13,7 @@ import moving
 from p4pfr_ros import estimate_pose
 from p4pfr_ros.core import jit
 from p4pfr_ros.ros.runtime.warm_up import warm_up
-from test_camera_source import FREEZE, Modes, options
+from modes import FREEZE, Modes, options
 
 
 def compiled():
@@ -28,23 +28,23 @@ def compiled():
 warm_up()
 before = compiled()
 modes = Modes()
-modes.learn(moving.moments(0, 60))
-modes.learn(moving.moments(60, 120, moving.ZOOMED))
-modes.learn(moving.moments(0, 120), options('per_frame'))
-modes.learn(moving.moments(0, 20), FREEZE)
+modes.process_all(moving.views(0, 60))
+modes.process_all(moving.views(60, 120, moving.ZOOMED))
+modes.process_all(moving.views(0, 120), options('per_frame'))
+modes.process_all(moving.views(0, 20), FREEZE)
 corners = [0, 8, 53, 45]
-for moment in moving.moments(0, 60):
+for view in moving.views(0, 60):
     points = moving.BOARD.points[corners]
-    estimate_pose(moment.image_points[corners], points, image_size=moving.SIZE)
+    estimate_pose(view.image_points[corners], points, image_size=moving.SIZE)
 print(len(before), sorted(compiled() - before))
 """
 
 
-def test_what_is_not_compiled_at_the_start_is_not_needed():
-    """Boards and markers, all modes, a zoom: no kernel is met for the first time."""
+def test_warm_up_compiles_all_kernels():
+    """Boards and markers, all modes and a zoom need no other kernel or signature."""
     done = subprocess.run(
         [sys.executable, '-c', SCRIPT],
-        cwd=Path(__file__).parent,
+        cwd=Path(__file__).parents[1],
         check=True,
         capture_output=True,
         text=True,

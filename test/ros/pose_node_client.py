@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A conversation with a pose_node over DDS."""
+"""A client of a pose_node over DDS."""
 
 from geometry_msgs.msg import PolygonStamped, PoseStamped, PoseWithCovarianceStamped
 import numpy as np
@@ -12,26 +12,28 @@ import scenes
 from sensor_msgs.msg import CameraInfo, PointCloud2
 
 
-def set_parameters(peer, values, node='pose_node', refused=False):
-    """Change parameters of a node together; return why that was refused."""
+def set_parameters(peer, values, node='pose_node', rejected=False):
+    """Set parameters of a node together; return the reason if they are to be rejected."""
     client = AsyncParameterClient(peer.node, node)
     peer.until(client.services_are_ready)
     changes = [Parameter(name, value=value) for name, value in values.items()]
     future = client.set_parameters_atomically(changes)
     peer.until(future.done)
     result = future.result().result
-    assert result.successful != refused, result.reason
+    assert result.successful != rejected, result.reason
     return result.reason
 
 
-class Talk:
-    """A conversation with one pose_node, which answers each view by itself unless told to."""
+class PoseNodeClient:
+    """Publishes points to one pose_node, by default in the mode per_frame, and receives poses."""
 
     def __init__(self, peer, parameters=(), **options):
         self.peer = peer
-        self.poses = peer.listen(PoseStamped, 'pose_node/pose')
-        self.covariances = peer.listen(PoseWithCovarianceStamped, 'pose_node/pose_with_covariance')
-        self.cameras = peer.listen(CameraInfo, 'pose_node/camera_info_division')
+        self.poses = peer.subscribe(PoseStamped, 'pose_node/pose')
+        self.covariances = peer.subscribe(
+            PoseWithCovarianceStamped, 'pose_node/pose_with_covariance'
+        )
+        self.cameras = peer.subscribe(CameraInfo, 'pose_node/camera_info_division')
         self.corners = peer.publisher(PolygonStamped, 'corners')
         self.cloud = peer.publisher(PointCloud2, 'correspondences')
         self.camera_info = peer.publisher(CameraInfo, 'camera_info')
@@ -40,38 +42,39 @@ class Talk:
         publishers = (self.corners, self.cloud, self.camera_info)
         peer.until(lambda: all(p.get_subscription_count() for p in publishers))
 
-    def open(self, size=scenes.SIZE):
-        """Talk until every answer is heard."""
-        heard = (self.poses, self.covariances, self.cameras)
-        for h in heard:
-            h.clear()
+    def wait_ready(self, size=scenes.SIZE):
+        """Publish until messages of all topics arrive."""
+        received = (self.poses, self.covariances, self.cameras)
+        for messages in received:
+            messages.clear()
 
-        def say():
+        def publish():
             if size is not None:
                 self.camera_info.publish(scenes.camera_info(size))
             self.cloud.publish(scenes.board_cloud(1))
 
-        self.peer.until(lambda: all(heard), meanwhile=say)
-        self.ask(scenes.board_cloud(2))
+        self.peer.until(lambda: all(received), meanwhile=publish)
+        self.estimate(scenes.board_cloud(2))
         return self
 
-    def ask(self, msg):
-        """Publish a good message; return the answers with its stamp: pose, covariance, camera."""
+    def estimate(self, msg):
+        """Publish a valid message; return pose, pose with covariance and camera of its stamp."""
         (self.corners if isinstance(msg, PolygonStamped) else self.cloud).publish(msg)
-        heard = (self.poses, self.covariances, self.cameras)
-        self.peer.until(lambda: all(h and h[-1].header.stamp == msg.header.stamp for h in heard))
-        return [h[-1] for h in heard]
+        received = (self.poses, self.covariances, self.cameras)
+        stamp = msg.header.stamp
+        self.peer.until(lambda: all(m and m[-1].header.stamp == stamp for m in received))
+        return [messages[-1] for messages in received]
 
     def set(self, name, value):
-        """Change a parameter of the node."""
+        """Set a parameter of the node."""
         set_parameters(self.peer, {name: value})
 
     def lines(self):
-        """Return what the node has printed."""
+        """Return the lines that the node has printed."""
         return self.node.output.splitlines()
 
 
 def assert_close(pose, expected, atol_m=1e-4, atol_rad=1e-3):
-    """Two poses are the same, to a tenth of a millimetre and a milliradian."""
+    """Two poses agree, by default within 0.1 mm and 1 mrad."""
     np.testing.assert_allclose(pose.translation, expected.translation, atol=atol_m)
     assert rotation_angle_rad(pose.rotation, expected.rotation) < atol_rad

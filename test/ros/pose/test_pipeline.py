@@ -1,0 +1,87 @@
+# Copyright 2026 p4pfr_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The pipeline of a node in this process: subscriptions, and the order of publishing."""
+
+from geometry_msgs.msg import PolygonStamped
+from in_process import publish
+import moving
+from p4pfr_ros import CalibrationState
+from p4pfr_ros.ros.pose import pipeline
+from p4pfr_ros.ros.pose.calibration_keeper import CalibrationKeeper
+from p4pfr_ros.ros.pose.outputs import Outputs
+from p4pfr_ros.ros.pose_node import PoseNode
+import pytest
+from rclpy.parameter import Parameter
+import scenes
+from sensor_msgs.msg import CameraInfo, PointCloud2
+
+BOARDS = """
+boards:
+  gate: {type: chessboard, columns: 9, rows: 6, square_m: 0.025}
+"""
+ALWAYS = {'camera_info': CameraInfo, 'corners': PolygonStamped, 'correspondences': PointCloud2}
+
+
+@pytest.fixture
+def make(dds, tmp_path):
+    """Make a node, with or without a board file."""
+    nodes = []
+
+    def make(boards=''):
+        path = tmp_path / 'boards.yaml'
+        path.write_text(boards)
+        file = str(path) if boards else ''
+        nodes.append(PoseNode(parameter_overrides=[Parameter('board_file', value=file)]))
+        return nodes[-1]
+
+    yield make
+    for node in nodes:
+        node.destroy_node()
+
+
+# Stands in for AprilTagDetectionArray, which need not be installed.
+@pytest.mark.parametrize('detections', [PolygonStamped, None], ids=['installed', 'missing'])
+@pytest.mark.parametrize('boards', [BOARDS, ''], ids=['boards', 'no boards'])
+def test_detections_need_boards_and_their_package(make, monkeypatch, boards, detections):
+    """The other topics are always subscribed to."""
+    monkeypatch.setattr(pipeline, 'detection_array_type', lambda: detections)
+    types = {s.topic_name.lstrip('/'): s.msg_type for s in make(boards).subscriptions}
+    expected = ALWAYS | ({'detections': detections} if boards and detections else {})
+    assert {name: types.get(name) for name in expected} == expected
+    assert ('detections' in types) == ('detections' in expected)
+
+
+def test_a_calibrated_camera_publishes_the_pose_before_it_is_updated(make, monkeypatch):
+    """Publishing a pose is the first effect of a message once the camera is calibrated."""
+    node, events = make(), []
+    keepers = []
+    publish_pose, follow = Outputs.publish_pose, CalibrationKeeper.follow
+
+    def recorded_publish(self, observation, estimate, options):
+        fused = keepers[-1].calibrations.fused if keepers else None
+        events.append(('pose', estimate.model.camera, fused))
+        publish_pose(self, observation, estimate, options)
+
+    def recorded_follow(self, observation, options):
+        keepers.append(self)
+        events.append(('update', self.calibrations.fused.camera, self.calibrations.fused))
+        return follow(self, observation, options)
+
+    monkeypatch.setattr(Outputs, 'publish_pose', recorded_publish)
+    monkeypatch.setattr(CalibrationKeeper, 'follow', recorded_follow)
+    publish(node, 'camera_info', scenes.camera_info())
+    for view in moving.views(0, 60):
+        publish(node, 'correspondences', view.cloud)
+    assert keepers[-1].calibrations.state is CalibrationState.CALIBRATED
+    changes = 0
+    for view in moving.views(60, 100):
+        before = keepers[-1].calibrations.fused
+        events.clear()
+        publish(node, 'correspondences', view.cloud)
+        (first, camera, fused), (second, _, after) = events
+        assert (first, second) == ('pose', 'update')
+        assert camera == before.camera
+        assert fused is before
+        changes += after is not before
+    assert changes > 0
