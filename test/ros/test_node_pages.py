@@ -100,14 +100,14 @@ def test_every_value_on_diagnostics_is_explained():
 @every_node
 def test_parameters_in_examples_exist(node):
     """With values of the right type."""
-    known = {name: value for name, value, _ in flattened(NODES[node])}
+    defaults = {name: value for name, value, _ in flattened(NODES[node])}
     examples = re.findall(r'```yaml\n(.*?)```', _page(node), re.DOTALL)
     assert examples
     for example in examples:
         [(name, content)] = yaml.safe_load(example).items()
         assert name == f'/**/{node}'
         for parameter, value in _flat(content['ros__parameters'], ''):
-            assert type(value) is type(known[parameter]), parameter
+            assert type(value) is type(defaults[parameter]), parameter
 
 
 @every_node

@@ -156,11 +156,11 @@ def test_a_disabled_node_publishes_no_pose(robot):
     """By the service or the parameter, which agree."""
     set_parameters(robot.peer, {'intrinsics.mode': 'self_calibrate'})
     assert robot.call(SetBool, 'set_enabled', data=False).success
-    before = len(robot.answers)
+    before = len(robot.poses)
     for view in moving.views(3000, 3005):
         robot.cloud.publish(view.cloud)
     robot.peer.spin_for(0.3)
-    assert len(robot.answers) == before
+    assert len(robot.poses) == before
     set_parameters(robot.peer, {'enabled': True})
     robot.process(moving.views(3005, 3006))
     assert robot.call(SetBool, 'set_enabled', data=True).message == 'enabled'

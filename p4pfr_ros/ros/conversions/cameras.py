@@ -7,6 +7,8 @@ CameraInfo <-> image frame, division camera, and the camera models of image_proc
 The image that a driver sends may be a window (``roi``) of the full image of the sensor, with
 pixels combined (``binning_x``, ``binning_y``). The camera model and CameraInfo's K refer to the
 full raw image, so points are converted to its pixels first.
+
+This module stands alone, as the conversions of each kind of message do.
 """
 
 from __future__ import annotations

@@ -6,6 +6,8 @@ AprilTagDetectionArray (apriltag_msgs) -> correspondences.
 
 Only ``family``, ``id`` and ``corners[4]`` (``x``, ``y`` in px) of each detection are used. Nothing
 here needs the message classes, so the package need not be installed.
+
+This module stands alone: unlike a cloud, an array of tags is assigned to several boards.
 """
 
 from __future__ import annotations

@@ -1,7 +1,11 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Image and CompressedImage <-> arrays: (h, w) grey or (h, w, 3) BGR, 8 bits."""
+"""
+Image and CompressedImage <-> arrays: (h, w) grey or (h, w, 3) BGR, 8 bits.
+
+This module stands alone, as the conversions of each kind of message do.
+"""
 
 from __future__ import annotations
 

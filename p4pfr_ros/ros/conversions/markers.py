@@ -8,6 +8,8 @@ The namespaces of a board NAME are NAME/outline (amber if the view does not dete
 NAME/axes, NAME/points (id 0: inliers, spheres coloured by residual; id 1: outliers, cubes) and
 NAME/field_of_view. The ids never change, so each message replaces the previous one, and an
 estimate without a model deletes its markers.
+
+This module stands alone: it has the geometry and colours of the display, which nothing else uses.
 """
 
 from __future__ import annotations

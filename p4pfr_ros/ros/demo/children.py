@@ -4,7 +4,7 @@
 """
 Nodes as child processes: started, monitored and stopped.
 
-It stands alone because tests start the nodes of the demo without the demo.
+This module stands alone: it runs any commands as processes, independent of the demo.
 """
 
 from __future__ import annotations

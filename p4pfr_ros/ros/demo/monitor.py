@@ -4,7 +4,7 @@
 """
 Subscribes to the three nodes and assembles the messages of one image.
 
-It stands alone as the only node of the demo's own process.
+This module stands alone: it is the only node of the demo's own process.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 """
 The output of the demo: a live table on a terminal, otherwise a line every two seconds.
 
-It stands alone because it is the only part that formats text with rich.
+This module stands alone: it has the text and layout of the output.
 """
 
 from __future__ import annotations

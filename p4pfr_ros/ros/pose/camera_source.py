@@ -244,12 +244,12 @@ class CalibrationBySize:
 
     def _wrong_size(self, image_size: tuple[int, int]) -> Notice | None:
         """Return a notice if there are cameras, but none for images of this size."""
-        known = [*self._estimates]
+        sizes = [*self._estimates]
         if self._loaded is not None:
-            known.append(self._loaded.image_size)
-        if not known or image_size in known:
+            sizes.append(self._loaded.image_size)
+        if not sizes or image_size in sizes:
             return None
-        return Notice('image_size', _size_text(known[-1], image_size))
+        return Notice('image_size', _size_text(sizes[-1], image_size))
 
 
 def _size_text(expected: tuple[int, int], got: tuple[int, int], again: bool = False) -> str:

@@ -4,7 +4,7 @@
 """
 The numbers on /diagnostics: rates, latencies, the camera and the last view.
 
-They stand alone because ``health`` decides on level and message without them.
+This module stands alone: ``health`` decides on level and message without these numbers.
 """
 
 from __future__ import annotations

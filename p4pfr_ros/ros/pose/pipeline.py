@@ -128,8 +128,8 @@ class PosePipeline:
         self._reporter.publish(enabled=options.enabled)
 
     def _is_needed(self, observation: BoardObservation, options: PoseNodeOptions) -> bool:
-        learns = options.intrinsics.mode == SELF_CALIBRATE
-        return learns or self._outputs.is_awaited(observation.target, options)
+        self_calibrates = options.intrinsics.mode == SELF_CALIBRATE
+        return self_calibrates or self._outputs.is_awaited(observation.target, options)
 
     def _estimate(
         self, observation: BoardObservation, options: PoseNodeOptions, received_s: float

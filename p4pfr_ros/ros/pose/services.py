@@ -4,7 +4,7 @@
 """
 The services of pose_node.
 
-It stands alone because services are no part of the path of a message, which ``pipeline`` shows.
+This module stands alone: services are not on the path of a message, which ``pipeline`` shows.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ def convert(*detections, boards=BOARDS, **options):
 
 
 def test_markers_are_points_of_their_boards():
-    """In the order of the boards and of the markers on them, whatever that of the tags."""
+    """In the order of the boards and of the markers on them, not in that of the tags."""
     dock, door = convert(*detections_of(DOOR, 21), *detections_of(DOCK, 3, 7))
     assert (dock.board, door.board) == (0, 1)
     np.testing.assert_array_equal(dock.ids, np.arange(8))

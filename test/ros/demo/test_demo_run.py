@@ -29,7 +29,7 @@ from sensor_msgs.msg import Image
 
 GOOD = Errors(position=0.001, rotation_deg=0.01, focal=0.001, k=0.001, rms_px=0.05, latency_s=0.03)
 POINTS = Correspondences(scenes.project(scenes.GRID), scenes.GRID, np.arange(len(scenes.GRID)))
-# Bounds as the demo has them, but for how fast this machine is at the moment.
+# The limits of the demo, except for the latency, which depends on the load of the machine.
 SCRIPT = """
 from dataclasses import replace
 import sys
