@@ -145,7 +145,7 @@ def test_an_invalid_image_is_counted(client):
     unknown = image_msg(scenes.header(25), IMAGE)
     unknown.encoding = '64FC7'
     client.peer.until(
-        lambda: "'64FC7' is unknown" in client.node.output,
+        lambda: "unknown encoding '64FC7'" in client.node.output,
         meanwhile=lambda: client.image.publish(unknown),
     )
     short = image_msg(scenes.header(26), IMAGE)

@@ -36,6 +36,6 @@ def test_images_serialised_by_rclpy_are_read(tmp_path, storage, kind, make):
     recorded.write_raw_bag(path, storage, messages, {'/image': f'sensor_msgs/msg/{kind}'})
     with ImageBag(path) as bag:
         [image] = bag.images()
-    np.testing.assert_array_equal(image.picture, IMAGE)
+    np.testing.assert_array_equal(image.image, IMAGE)
     stamp = msg.header.stamp
     assert image.stamp_ns == stamp.sec * 10**9 + stamp.nanosec

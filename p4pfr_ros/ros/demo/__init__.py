@@ -22,9 +22,10 @@ import numpy as np
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.boards import Board
 from p4pfr_ros.detection import Detection
-from p4pfr_ros.files.boards import ConfigError, load_board
+from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.images import write_image
-from p4pfr_ros.files.places import check_place
+from p4pfr_ros.files.writing import check_writable
+from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.rendering import render
 from p4pfr_ros.report.drawing import annotate, straighten
 from p4pfr_ros.scenes.board_path import SimulatedPath
@@ -84,7 +85,7 @@ def main(
 
 def _run(console: Console, record: Record, duration_s: float) -> list[str]:
     """Run the nodes for a time and write the image; return the problems."""
-    check_place(Path(IMAGE_FILE))
+    check_writable(Path(IMAGE_FILE))
     # A domain of its own, so that no other nodes interfere.
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)

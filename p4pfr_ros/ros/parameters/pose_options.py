@@ -15,7 +15,7 @@ import re
 
 from p4pfr_ros import CalibrationOptions, EstimateOptions
 from p4pfr_ros.boards.conventions import CORNER_ORDERS
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 
 from .declare import parameter
 from ..conversions import LARGEST_IMAGE_PX

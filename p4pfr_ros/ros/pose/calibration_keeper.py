@@ -13,9 +13,9 @@ from typing import Any
 from urllib.parse import unquote
 
 from p4pfr_ros import CalibrationState, CameraEstimate
-from p4pfr_ros.files.boards import ConfigError
 from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
-from p4pfr_ros.report.plus_minus import plus_minus
+from p4pfr_ros.files.yaml_fields import ConfigError
+from p4pfr_ros.report.number_format import plus_minus
 from rclpy.task import Future
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.srv import SetCameraInfo

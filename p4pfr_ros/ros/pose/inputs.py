@@ -15,7 +15,8 @@ import numpy as np
 from p4pfr_ros import CameraInfoModel
 from p4pfr_ros.boards import Board
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.files.boards import ConfigError, load_boards
+from p4pfr_ros.files.boards import load_boards
+from p4pfr_ros.files.yaml_fields import ConfigError
 from sensor_msgs.msg import CameraInfo, PointCloud2
 from std_msgs.msg import Header
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from geometry_msgs.msg import PolygonStamped
 from p4pfr_ros import PoseEstimate
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, PointCloud2
 

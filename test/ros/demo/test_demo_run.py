@@ -15,7 +15,7 @@ import cv2
 from geometry_msgs.msg import PoseStamped
 import numpy as np
 from p4pfr_ros import Pose, Solution
-from p4pfr_ros.files.places import check_place
+from p4pfr_ros.files.writing import check_writable
 from p4pfr_ros.ros import demo
 from p4pfr_ros.ros.conversions import Correspondences, image_msg
 from p4pfr_ros.ros.demo.children import Children
@@ -198,15 +198,15 @@ def test_a_path_that_cannot_be_written_fails_before_the_start(tmp_path):
     (tmp_path / 'demo.png').mkdir()
     run = _Demo(tmp_path, 60.0)
     assert run.wait() == 1
-    assert run.output == ('demo failed: demo.png: expected a place to write to: Is a directory\n')
+    assert run.output == ('demo failed: demo.png: expected a writable path: Is a directory\n')
 
 
 def test_checking_a_path_does_not_change_files(tmp_path):
     """It neither creates a file nor changes an existing one."""
-    check_place(tmp_path / 'demo.png')
+    check_writable(tmp_path / 'demo.png')
     assert list(tmp_path.iterdir()) == []
     (tmp_path / 'demo.png').write_text('old')
-    check_place(tmp_path / 'demo.png')
+    check_writable(tmp_path / 'demo.png')
     assert (tmp_path / 'demo.png').read_text() == 'old'
 
 

@@ -10,8 +10,8 @@ import time
 import moving
 import numpy as np
 from p4pfr_ros import CalibrationState
-from p4pfr_ros.files.boards import ConfigError
 from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
+from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.ros.parameters.declare import replaced
 from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
 from p4pfr_ros.ros.pose.calibration_keeper import calibration_path, CalibrationKeeper

@@ -5,7 +5,7 @@
 
 import time
 
-from p4pfr_ros.files.boards import ConfigError
+from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.ros.pose.calibration_keeper import CameraInfoSetter
 from p4pfr_ros.ros.runtime.endpoints import Endpoints, is_awaited
 from p4pfr_ros.ros.runtime.overrides import warn_of_unknown_overrides
