@@ -1,7 +1,11 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Synthetic views of one camera, with noise, outliers and ground truth."""
+"""
+Synthetic views of one camera, with noise, outliers and ground truth.
+
+This module stands alone because only tests and benchmarks use it: they draw views of a camera.
+"""
 
 from __future__ import annotations
 

@@ -7,6 +7,9 @@ From the best row of a search to a ``PoseEstimate``: refinement, noise, covarian
 ``ViewProblem`` holds one call of ``estimate_pose``. The compiled ``assess`` refines a row and
 fills the arrays of its result. A typical camera replaces what the view does not determine, which
 is then not observable.
+
+This module stands alone because it begins where the search ends: ``estimate_pose`` finds a row, by
+whatever route, and everything in here is about one row.
 """
 
 from __future__ import annotations
