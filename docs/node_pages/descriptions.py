@@ -42,7 +42,8 @@ POSE_NODE = {
     '~/camera_info': (
         'The camera in use, in a model that image_proc supports: `rational_polynomial`, or '
         '`equidistant` for wide lenses. Published when the camera changes or improves; late '
-        'subscribers receive the last one. K is 0 after a reset.'
+        'subscribers receive the last one. K is 0 when the camera is no longer known, as after a '
+        'reset.'
     ),
     '~/camera_info_division': (
         'The same camera in its own model: `distortion_model` is `division`, D is [k] or [k, k2, '

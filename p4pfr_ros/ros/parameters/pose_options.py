@@ -44,7 +44,7 @@ class IntrinsicsOptions:
     )
     focal_px: float = parameter(
         0.0,
-        'Mode fixed: focal length at the image centre, pixels. 0: not given.',
+        'Mode fixed: focal length at the principal point, pixels. 0: not given.',
         low=0.0,
         high=1e6,
     )

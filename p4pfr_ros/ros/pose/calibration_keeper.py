@@ -126,7 +126,7 @@ class CalibrationKeeper:
         if self._state is not before:
             estimate = self.calibrations.fused
             numbers = '' if estimate is None else f' ({_summary(estimate)})'
-            self._logger.info(f'calibration {self._state.value}{numbers}')
+            self._logger.info(f'{self._state.value}{numbers}')
         if self._state is not CalibrationState.CALIBRATED:
             return None
         self._send(observation)

@@ -42,8 +42,8 @@ class PosePipeline:
     ----------
     node
         The node of all endpoints.
-    parameters
-        Its parameters.
+    config
+        The parameters of the node.
 
     Raises
     ------
@@ -52,15 +52,15 @@ class PosePipeline:
 
     """
 
-    def __init__(self, node: Node, parameters: Parameters[PoseNodeOptions]) -> None:
-        self._parameters = parameters
+    def __init__(self, node: Node, config: Parameters[PoseNodeOptions]) -> None:
+        self._config = config
         self._lasting, self._subscribed = Endpoints(node), Endpoints(node)
-        options, logger = parameters.options, node.get_logger()
+        options, logger = config.options, node.get_logger()
         try:
             self._inputs = Inputs(options.board_file)
             self._driver = CameraInfoSetter(logger, self._lasting, options.set_camera_info_service)
             self._keeper = CalibrationKeeper(logger, self._driver, options)
-            parameters.guard(self._check_fixed_camera)
+            config.guard(self._check_fixed_camera)
             self._cameras = CameraSource(self._keeper.calibrations, self._inputs)
             self._outputs = Outputs(node, self._lasting, self._inputs.prefixes)
             self._reporter = HealthReporter(node, self._lasting, options.camera_name)
@@ -89,7 +89,7 @@ class PosePipeline:
         """Stop, and destroy all endpoints."""
         self._subscribed.close()
         self._lasting.close()
-        self._parameters.guard(None)
+        self._config.guard(None)
 
     def _on_camera_info(self, msg: CameraInfo) -> None:
         rejected = self._inputs.use_camera_info(msg)
@@ -97,19 +97,19 @@ class PosePipeline:
             self._reporter.reject(rejected)
 
     def _on_corners(self, msg: PolygonStamped) -> None:
-        options = self._parameters.options
+        options = self._config.options
         self._process(self._inputs.from_corners(msg, options), options)
 
     def _on_correspondences(self, msg: PointCloud2) -> None:
-        options = self._parameters.options
+        options = self._config.options
         self._process(self._inputs.from_cloud(msg, options), options)
 
     def _on_detections(self, msg: Any) -> None:
-        options = self._parameters.options
+        options = self._config.options
         self._process(self._inputs.from_detections(msg, options), options)
 
     def _on_timer(self) -> None:
-        self._reporter.publish(enabled=self._parameters.options.enabled)
+        self._reporter.publish(enabled=self._config.options.enabled)
         self._driver.send_pending()
 
     def _process(
@@ -167,8 +167,8 @@ class PosePipeline:
 
     def _check_fixed_camera(self, options: PoseNodeOptions) -> None:
         """Reject the mode fixed while there is no camera."""
-        given, current = options.intrinsics, self._parameters.options
-        # After a reset there may be none already; other parameters can still be changed.
+        given, current = options.intrinsics, self._config.options
+        # After a reset in mode fixed there is no camera; other parameters can still be changed.
         if options is not current and given == current.intrinsics:
             return
         has_camera = given.focal_px > 0.0 or self._keeper.calibrations.has_camera
