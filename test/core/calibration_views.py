@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Views to calibrate from."""
+"""Drawn cameras and their views, and calibrations from them."""
 
 import numpy as np
 from p4pfr_ros import SelfCalibration
@@ -11,26 +11,26 @@ from p4pfr_ros.scenes.camera_views import board_grid, draw_camera, draw_camera_v
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
-takes_long = pytest.mark.skipif(not COMPILED, reason='takes minutes interpreted')
+compiled_only = pytest.mark.skipif(not COMPILED, reason='takes minutes interpreted')
 
 MIDDLE_PX = (639.5, 479.5)
 BOARD = board_grid(6, 4)
 MARKER = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
 
 
-def views_of(camera, count, seed=0, board=BOARD, **how):
+def draw_views(camera, count, seed=0, board=BOARD, **options):
     """Draw views of a camera."""
     rng = np.random.default_rng([seed, 1])
-    return [draw_camera_view(rng, camera, board, **how) for _ in range(count)]
+    return [draw_camera_view(rng, camera, board, **options) for _ in range(count)]
 
 
-def drawn(seed):
-    """Draw a camera."""
+def seeded_camera(seed):
+    """Draw the camera of a seed."""
     return draw_camera(np.random.default_rng([seed, 0]))
 
 
-def calibrated(views, calibration=None, **options):
-    """Feed views to a calibration."""
+def calibrate(views, calibration=None, **options):
+    """Update a calibration, by default a new one, with views; return it."""
     calibration = calibration or SelfCalibration(IMAGE_SIZE, **options)
     for view in views:
         calibration.update(view.image_points, view.board_points)
@@ -38,14 +38,14 @@ def calibrated(views, calibration=None, **options):
 
 
 def verdicts(calibration, views):
-    """Feed views to a calibration and return what became of each."""
-    found = []
+    """Update a calibration with views; return the verdict on each."""
+    result = []
     for view in views:
         calibration.update(view.image_points, view.board_points)
-        found.append(calibration.verdict)
-    return found
+        result.append(calibration.verdict)
+    return result
 
 
-def error(camera, truth):
-    """Return the difference of two cameras' numbers (6,): focal_px, centre px, k, k2, k3."""
+def lens_error(camera, truth):
+    """Return a camera's errors (6,): focal_px, centre x and y (px), k, k2, k3."""
     return lens_from_camera(camera, MIDDLE_PX) - lens_from_camera(truth, MIDDLE_PX)

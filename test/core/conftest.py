@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How many cases a test draws: all of them compiled, a few interpreted."""
+"""The fixture that reduces the number of a test's cases when the kernels are interpreted."""
 
 from p4pfr_ros.core.jit import COMPILED
 import pytest
@@ -9,5 +9,5 @@ import pytest
 
 @pytest.fixture(scope='session')
 def sample():
-    """Scale a number of cases to what the interpreter can do in the same time."""
+    """Return a number of cases: all if compiled, else ``interpreted`` or one in a hundred."""
     return lambda n, interpreted=None: n if COMPILED else interpreted or max(1, n // 100)

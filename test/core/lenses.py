@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Calibrated cameras of each kind, and the pixels to ask them about."""
+"""CameraInfo models of several lenses, and pixels to test them at."""
 
 import numpy as np
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
@@ -31,7 +31,7 @@ MODELS = {
 
 
 def pixels(n=2000, seed=0):
-    """Draw pixels of the picture, corners and centre among them."""
+    """Return the corners and the centre of the image, and n random pixels."""
     corners = [[-0.5, -0.5], [1279.5, -0.5], [-0.5, 959.5], [1279.5, 959.5], CENTER]
     drawn = np.random.default_rng(seed).uniform(-0.5, (1279.5, 959.5), (n, 2))
     return np.concatenate([corners, drawn])

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Poses: group laws, quaternions, and clear errors."""
+"""Poses: group laws, quaternions, and error messages."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,7 +15,7 @@ poses = st.builds(Pose.from_rotation_vector, vectors, vectors)
 
 
 @given(poses, poses, poses)
-def test_composition_is_associative_and_moves_points(a, b, c):
+def test_composition_is_associative_and_transforms_points(a, b, c):
     left, right = (a @ b) @ c, a @ (b @ c)
     np.testing.assert_allclose(left.rotation, right.rotation, atol=1e-14)
     np.testing.assert_allclose(left.translation, right.translation, atol=1e-13)
@@ -26,14 +26,14 @@ def test_composition_is_associative_and_moves_points(a, b, c):
 
 
 @given(poses)
-def test_inverse_undoes(pose):
+def test_a_pose_times_its_inverse_is_the_identity(pose):
     round_trip = pose @ pose.inverse()
     np.testing.assert_allclose(round_trip.rotation, np.eye(3), atol=1e-14)
     np.testing.assert_allclose(round_trip.translation, 0.0, atol=1e-13)
 
 
 @given(poses)
-def test_quaternion_returns_the_same_rotation(pose):
+def test_a_quaternion_converts_back_to_the_same_rotation(pose):
     quaternion = pose.quaternion_xyzw()
     assert quaternion[3] >= 0.0
     assert np.linalg.norm(quaternion) == pytest.approx(1.0, abs=1e-15)
@@ -47,7 +47,7 @@ def test_half_turns_have_a_quaternion(axis):
     np.testing.assert_allclose(np.abs(pose.quaternion_xyzw()), [*axis, 0.0], atol=1e-15)
 
 
-def test_quaternion_has_the_order_and_sign_of_ros():
+def test_a_quaternion_has_the_order_and_sign_of_ros():
     quarter_about_z = Pose.from_rotation_vector([0.0, 0.0, np.pi / 2.0], np.zeros(3))
     half = np.sqrt(0.5)
     np.testing.assert_allclose(quarter_about_z.quaternion_xyzw(), [0.0, 0.0, half, half])
@@ -57,14 +57,14 @@ def test_quaternion_has_the_order_and_sign_of_ros():
 
 
 @pytest.mark.parametrize('angle', [1e-12, 1e-7, 0.3, 2.0, np.pi - 1e-7])
-def test_angle_between_rotations_is_exact(angle):
+def test_the_angle_between_rotations_is_exact(angle):
     axis = np.array([0.6, 0.0, 0.8])
-    turned = rotation_from_vector(angle * axis)
-    assert rotation_angle_rad(turned, np.eye(3)) == pytest.approx(angle, rel=1e-3, abs=1e-15)
+    rotated = rotation_from_vector(angle * axis)
+    assert rotation_angle_rad(rotated, np.eye(3)) == pytest.approx(angle, rel=1e-3, abs=1e-15)
 
 
 @pytest.mark.parametrize(
-    ('rotation', 'translation', 'complaint'),
+    ('rotation', 'translation', 'message'),
     [
         (np.eye(2), np.zeros(3), r'rotation must have shape \(3, 3\), got \(2, 2\)'),
         (np.eye(3), np.zeros(2), r'translation must have shape \(3,\), got \(2,\)'),
@@ -73,22 +73,22 @@ def test_angle_between_rotations_is_exact(angle):
         (np.eye(3), [0.0, np.nan, 0.0], r'translation must be finite, got nan at \[1\]'),
     ],
 )
-def test_what_is_no_pose_is_refused(rotation, translation, complaint):
-    with pytest.raises(ValueError, match=complaint):
+def test_an_invalid_pose_is_rejected(rotation, translation, message):
+    with pytest.raises(ValueError, match=message):
         Pose(rotation, translation)
 
 
-def test_zero_quaternion_is_refused():
+def test_a_zero_quaternion_is_rejected():
     with pytest.raises(ValueError, match='quaternion must not be zero'):
         Pose.from_quaternion_xyzw(np.zeros(4), np.zeros(3))
 
 
-def test_points_are_made_contiguous_doubles():
+def test_points_become_contiguous_doubles():
     points = as_points(np.arange(12, dtype=np.int16).reshape(2, 6).T, 'points', (None, 2))
     assert points.dtype == np.float64
     assert points.flags.c_contiguous
 
 
-def test_ragged_points_name_the_argument():
+def test_the_error_for_ragged_points_names_the_argument():
     with pytest.raises(ValueError, match=r'points must be numbers of shape \(N, 2\)'):
         as_points([[1.0, 2.0], [3.0]], 'points', (None, 2))

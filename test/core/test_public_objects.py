@@ -67,6 +67,15 @@ NAMES = (
     'EstimateOptions',
     'CalibrationOptions',
 )
+# The fields that are arrays.
+ARRAYS = {
+    'Pose': ('rotation', 'translation'),
+    'PoseEstimate': ('inliers', 'covariance'),
+    'PoseEstimate without a model': ('inliers', 'covariance'),
+    'CameraEstimate': ('covariance',),
+    'Keyframe': ('image_points', 'board_points', 'inliers', 'residuals_px'),
+    'SolutionBatch': ('count', 'focal_px', 'k', 'rotation', 'translation'),
+}
 
 
 @pytest.mark.parametrize('name', [*NAMES, 'SelfCalibration'])
@@ -86,7 +95,7 @@ def test_copies_are_equal(objects, name):
 
 
 @pytest.mark.parametrize('name', NAMES)
-def test_another_value_is_not_equal(objects, name):
+def test_objects_with_different_values_are_not_equal(objects, name):
     value = objects[name]
     changed = {
         'Pose': lambda: Pose(POSE.rotation, POSE.translation + 1e-9),
@@ -107,20 +116,22 @@ def test_another_value_is_not_equal(objects, name):
 @pytest.mark.parametrize('name', NAMES)
 def test_arrays_are_read_only(objects, name):
     value = objects[name]
-    arrays = [getattr(value, field.name) for field in fields(value)]
-    for array in (array for array in arrays if isinstance(array, np.ndarray)):
+    values = {field.name: getattr(value, field.name) for field in fields(value)}
+    arrays = {key: array for key, array in values.items() if isinstance(array, np.ndarray)}
+    assert tuple(arrays) == ARRAYS.get(name, ())
+    for array in arrays.values():
         with pytest.raises(ValueError, match='read-only'):
             array[...] = 0
 
 
-def test_a_pose_does_not_freeze_or_follow_the_callers_array():
+def test_a_pose_copies_the_callers_array():
     translation = np.array([1.0, 2.0, 3.0])
     pose = Pose(np.eye(3), translation)
     translation[0] = 9.0
     assert pose.translation[0] == 1.0
 
 
-def test_an_estimate_does_not_freeze_the_callers_arrays():
+def test_a_keyframe_copies_the_callers_arrays():
     image, board = IMAGE.copy(), BOARD.copy()
     calibration = SelfCalibration(SIZE)
     calibration.update(image, board)
@@ -134,14 +145,14 @@ def test_equal_poses_have_equal_hashes():
     assert len({POSE, deepcopy(POSE), Pose.identity()}) == 2
 
 
-def test_pose_matrix_and_camera_matrix_transform_as_their_objects():
+def test_matrices_transform_points_as_their_objects_do():
     points = np.random.default_rng(1).uniform(-1.0, 1.0, (9, 3))
     homogeneous = np.column_stack([points, np.ones(9)]) @ POSE.matrix.T
     np.testing.assert_allclose(homogeneous[:, :3], POSE.transform(points), atol=1e-15)
     pinhole = DivisionCamera(500.0, (320.0, 240.0))
-    seen = points + np.array([0.0, 0.0, 3.0])
-    projected = seen @ pinhole.matrix.T
-    np.testing.assert_allclose(projected[:, :2] / projected[:, 2:], pinhole.project(seen))
+    in_front = points + np.array([0.0, 0.0, 3.0])
+    projected = in_front @ pinhole.matrix.T
+    np.testing.assert_allclose(projected[:, :2] / projected[:, 2:], pinhole.project(in_front))
 
 
 @pytest.mark.parametrize('angle', [0.0, 1e-12, 0.3, 2.0, np.pi - 1e-9, np.pi])
@@ -184,7 +195,7 @@ def test_opencv_shapes_are_accepted(image, board):
 
 
 @pytest.mark.parametrize(
-    ('image', 'board', 'complaint'),
+    ('image', 'board', 'message'),
     [
         (
             IMAGE[:, None, None],
@@ -201,14 +212,14 @@ def test_opencv_shapes_are_accepted(image, board):
         (IMAGE, [[1.0], [2.0, 3.0]], r'board_points must be numbers of shape \(20, 2\)'),
     ],
 )
-def test_other_shapes_are_rejected_with_the_expected_one(image, board, complaint):
-    with pytest.raises(ValueError, match=complaint) as error:
+def test_the_error_for_other_shapes_states_the_expected_one(image, board, message):
+    with pytest.raises(ValueError, match=message) as error:
         estimate_pose(image, board, image_size=SIZE)
     assert '\n' not in str(error.value)
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'complaint'),
+    ('arguments', 'message'),
     [
         ({'camera': 520.0}, 'camera must be a DivisionCamera or a CameraInfoModel, got float'),
         (
@@ -219,8 +230,8 @@ def test_other_shapes_are_rejected_with_the_expected_one(image, board, complaint
         ({'options': CalibrationOptions()}, 'options must be EstimateOptions, got Calibration'),
     ],
 )
-def test_a_wrong_type_names_its_argument(arguments, complaint):
-    with pytest.raises(TypeError, match=complaint):
+def test_the_error_for_a_wrong_type_names_the_argument(arguments, message):
+    with pytest.raises(TypeError, match=message):
         estimate_pose(IMAGE, BOARD, image_size=SIZE, **arguments)
 
 
@@ -235,16 +246,16 @@ def test_standard_deviations_are_those_of_the_covariance(objects):
     estimate, fused = objects['PoseEstimate'], objects['CameraEstimate']
     sigma = np.sqrt(np.diag(estimate.covariance))
     assert (estimate.focal_sigma_px, estimate.k_sigma) == (sigma[6], sigma[7])
-    sight = estimate.model.camera_from_board.translation
-    sight = sight / np.linalg.norm(sight)
-    along = sight @ estimate.covariance[:3, :3] @ sight
-    assert estimate.distance_sigma == pytest.approx(np.sqrt(along))
-    of_camera = np.sqrt(np.diag(fused.covariance))
-    assert fused.focal_sigma_px == of_camera[0]
-    np.testing.assert_array_equal(fused.center_sigma_px, of_camera[1:3])
-    assert fused.terms_sigma == tuple(of_camera[3:])
-    nothing = objects['PoseEstimate without a model']
-    assert np.isnan([nothing.focal_sigma_px, nothing.k_sigma, nothing.distance_sigma]).all()
+    direction = estimate.model.camera_from_board.translation
+    direction = direction / np.linalg.norm(direction)
+    variance = direction @ estimate.covariance[:3, :3] @ direction
+    assert estimate.distance_sigma == pytest.approx(np.sqrt(variance))
+    camera_sigma = np.sqrt(np.diag(fused.covariance))
+    assert fused.focal_sigma_px == camera_sigma[0]
+    np.testing.assert_array_equal(fused.center_sigma_px, camera_sigma[1:3])
+    assert fused.terms_sigma == tuple(camera_sigma[3:])
+    no_model = objects['PoseEstimate without a model']
+    assert np.isnan([no_model.focal_sigma_px, no_model.k_sigma, no_model.distance_sigma]).all()
 
 
 @pytest.mark.parametrize(

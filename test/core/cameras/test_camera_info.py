@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The division model in the words of image_proc: how close, and nowhere folded."""
+"""CameraInfo models: round trips, folds, and the closest model of a division camera."""
 
 from fractions import Fraction
 
@@ -21,7 +21,7 @@ over_models = pytest.mark.parametrize('model', MODELS.values(), ids=MODELS)
 
 
 def test_the_closed_form_is_the_series_up_to_the_sixth_power():
-    """Of C(w) = Σ Cₙ wⁿ with the Catalan numbers Cₙ; w = k ρ²."""
+    """The series is C(w) = Σ Cₙ wⁿ with the Catalan numbers Cₙ; w = k ρ²."""
     catalan = [Fraction(1)]
     for n in range(8):
         catalan.append(catalan[-1] * (4 * n + 2) / (n + 2))
@@ -39,13 +39,13 @@ def test_the_closed_form_is_the_series_up_to_the_sixth_power():
     ('f', 'k', 'within_px'),
     [(1000, -0.15, 1e-5), (700, -0.2, 1e-4), (600, -0.25, 1e-3), (600, -0.35, 0.01)],
 )
-def test_the_rational_model_is_close(f, k, within_px):
+def test_the_rational_model_is_close_to_a_moderate_lens(f, k, within_px):
     camera = DivisionCamera(f, CENTER, k)
     model = camera.to_camera_info_model(SIZE)
     assert model.distortion_model == 'rational_polynomial'
     assert model.residual_px < within_px
-    away_px = np.linalg.norm(model.project(camera.unproject(pixels())) - pixels(), axis=1)
-    assert away_px.max() <= 1.001 * model.residual_px + 1e-9
+    error_px = np.linalg.norm(model.project(camera.unproject(pixels())) - pixels(), axis=1)
+    assert error_px.max() <= 1.001 * model.residual_px + 1e-9
 
 
 @pytest.mark.parametrize(
@@ -63,17 +63,17 @@ def test_the_rational_model_is_close(f, k, within_px):
         (1000, 1e-12, 0.0, 0.0, 'rational_polynomial', 1e-9),
     ],
 )
-def test_every_lens_gets_a_model_with_an_honest_residual(f, k, k2, k3, kind, within_px):
+def test_the_residual_bounds_the_error_of_every_model(f, k, k2, k3, kind, within_px):
     camera = DivisionCamera(f, CENTER, k, k2, k3)
     model = camera.to_camera_info_model(SIZE)
     assert model.distortion_model == kind
     assert model.residual_px < within_px
-    away_px = np.linalg.norm(model.project(camera.unproject(pixels())) - pixels(), axis=1)
-    assert away_px.max() <= 1.001 * model.residual_px + 1e-9
+    error_px = np.linalg.norm(model.project(camera.unproject(pixels())) - pixels(), axis=1)
+    assert error_px.max() <= 1.001 * model.residual_px + 1e-9
 
 
 @law(examples=60, f=st.floats(250, 3000), k=st.floats(-0.7, 0.4), x=st.floats(300, 900))
-def test_a_model_never_folds_inside_of_the_picture(f, k, x):
+def test_a_model_does_not_fold_inside_the_image(f, k, x):
     camera = DivisionCamera(f, (x, 400.0), k)
     model = camera.to_camera_info_model(SIZE)
     corner = max(np.hypot(x + 0.5, 559.5), np.hypot(1279.5 - x, 559.5)) / f
@@ -83,14 +83,14 @@ def test_a_model_never_folds_inside_of_the_picture(f, k, x):
     assert (np.diff(model.project(rays)[:, 0]) > 0.0).all()
 
 
-def test_what_lies_beyond_a_pincushion_lens_is_not_looked_at():
-    """K r² = 1.1 in the corners, and from 1 on no ray is left for a pixel."""
+def test_pixels_beyond_the_fold_of_a_pincushion_lens_are_excluded():
+    """The corners have k r² = 1.1; the lens folds at k r² = 1."""
     camera = DivisionCamera(800.0, CENTER, 1.1)
     assert camera.to_camera_info_model(SIZE).residual_px < 5.0
 
 
-def test_terms_are_left_out_until_nothing_folds():
-    """No lens is like that; its residual says that the model is not like it either."""
+def test_a_model_that_folds_is_fitted_with_fewer_terms():
+    """No real lens is like this one; the large residual shows that the model is not close."""
     camera = DivisionCamera(300.0, CENTER, 0.27, 0.005, -0.019)
     model = camera.to_camera_info_model(SIZE)
     assert model.coefficients[-1] == 0.0
@@ -98,21 +98,21 @@ def test_terms_are_left_out_until_nothing_folds():
 
 
 @over_models
-def test_a_pixels_ray_projects_back_to_it(model):
+def test_the_ray_of_a_pixel_projects_back_to_it(model):
     rays = model.unproject(pixels())
     np.testing.assert_allclose(np.linalg.norm(rays, axis=-1), 1.0, atol=1e-12)
     np.testing.assert_allclose(model.project(3.0 * rays), pixels(), atol=1e-9)
 
 
 @over_models
-def test_any_shape_goes_in_and_comes_out(model):
+def test_arrays_of_any_shape_are_mapped(model):
     many = pixels(59).reshape(8, 8, 2)
     rays = model.unproject(many)
     np.testing.assert_allclose(rays[3, 4], model.unproject(many[3, 4]), atol=1e-12)
     assert model.project(rays).shape == many.shape
 
 
-def test_beyond_the_fold_there_is_nothing():
+def test_points_and_pixels_beyond_the_fold_are_nan():
     # ρ (1 - ρ² / 3) turns back at ρ = 1, where it is 2/3.
     model = CameraInfoModel('plumb_bob', (-1 / 3, 0, 0, 0), (900.0, 900.0), CENTER, 0.0, SIZE)
     assert np.isfinite(model.project([0.999, 0.0, 1.0])).all()
@@ -122,7 +122,7 @@ def test_beyond_the_fold_there_is_nothing():
     assert np.isnan(model.project([0.0, 0.0, -1.0])).all()
 
 
-def test_a_fisheye_sees_behind_itself_up_to_its_fold():
+def test_a_fisheye_sees_behind_its_image_plane_up_to_its_fold():
     # θ (1 - θ² / 12) turns back at θ = 2.
     model = CameraInfoModel('equidistant', (-1 / 12, 0, 0, 0), (400.0, 400.0), CENTER, 0.0, SIZE)
     behind = [np.sin(1.9), 0.0, np.cos(1.9)]
@@ -135,7 +135,7 @@ def test_a_fisheye_sees_behind_itself_up_to_its_fold():
 
 @pytest.mark.parametrize('kind', ['rational_polynomial', 'equidistant'])
 @pytest.mark.parametrize('size', [1e300, 1e150, 1e-300])
-def test_absurd_coefficients_raise_nothing(kind, size):
+def test_extreme_coefficients_raise_no_error(kind, size):
     n = 8 if kind == 'rational_polynomial' else 4
     for signs in ((1,) * n, (-1,) * n, (1, -1) * (n // 2)):
         d = tuple(s * size for s in signs)
@@ -163,7 +163,7 @@ def test_the_first_fold(polynomial, root):
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'complaint'),
+    ('arguments', 'message'),
     [
         ({'distortion_model': 'division'}, "distortion_model must be one of .*, got 'division'"),
         ({'coefficients': (0.1,) * 6}, 'coefficients must be 4 or 5 of plumb_bob, got 6'),
@@ -174,7 +174,7 @@ def test_the_first_fold(polynomial, root):
         ({'image_size': (0, 480)}, 'image_size must be positive'),
     ],
 )
-def test_what_is_no_model_is_refused(arguments, complaint):
+def test_an_invalid_model_is_rejected(arguments, message):
     good = {
         'distortion_model': 'plumb_bob',
         'coefficients': (0.0,) * 5,
@@ -184,10 +184,10 @@ def test_what_is_no_model_is_refused(arguments, complaint):
         'image_size': SIZE,
     }
     CameraInfoModel(**good)
-    with pytest.raises(ValueError, match=complaint):
+    with pytest.raises(ValueError, match=message):
         CameraInfoModel(**{**good, **arguments})
 
 
-def test_a_plumb_bob_of_four_has_a_fifth():
+def test_a_plumb_bob_with_four_coefficients_gets_a_fifth_of_zero():
     four = CameraInfoModel('plumb_bob', (0.1, 0.2, 0.3, 0.4), (1.0, 1.0), CENTER, 0.0, SIZE)
     assert four.coefficients == (0.1, 0.2, 0.3, 0.4, 0.0)

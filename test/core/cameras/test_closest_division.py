@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The division camera closest to one that was calibrated in another model."""
+"""The division camera closest to a CameraInfo model."""
 
 from lenses import CENTER, MODELS, pixels, SIZE
 import numpy as np
@@ -23,26 +23,26 @@ over_models = pytest.mark.parametrize('model', MODELS.values(), ids=MODELS)
         (DivisionCamera(700.0, CENTER, -0.25, 0.02, -0.003), 1e-3),
     ],
 )
-def test_the_way_back_finds_the_camera_again(camera, within_px):
-    found, residual_px = division_camera_from_model(camera.to_camera_info_model(SIZE))
+def test_converting_back_recovers_the_camera(camera, within_px):
+    result, residual_px = division_camera_from_model(camera.to_camera_info_model(SIZE))
     assert residual_px < within_px
-    assert found.focal_px == pytest.approx(camera.focal_px, rel=1e-3)
-    assert found.k == pytest.approx(camera.k, abs=2e-3)
-    assert (found.k2 == 0.0) == (camera.k2 == 0.0)
+    assert result.focal_px == pytest.approx(camera.focal_px, rel=1e-3)
+    assert result.k == pytest.approx(camera.k, abs=2e-3)
+    assert (result.k2 == 0.0) == (camera.k2 == 0.0)
 
 
 @over_models
-def test_the_closest_division_camera_is_off_by_its_residual(model):
-    found, residual_px = division_camera_from_model(model)
-    # fx and fy differ by up to 5 in 900, which no division camera follows.
+def test_the_residual_is_the_largest_error_in_the_image(model):
+    result, residual_px = division_camera_from_model(model)
+    # fx and fy differ by up to 5 in 900; a division camera has a single focal length.
     assert residual_px < 6.0
-    away_px = np.linalg.norm(found.project(model.unproject(pixels())) - pixels(), axis=1)
-    assert away_px.max() <= 1.001 * residual_px + 1e-9
-    assert away_px.max() >= 0.7 * residual_px - 1e-9
+    error_px = np.linalg.norm(result.project(model.unproject(pixels())) - pixels(), axis=1)
+    assert error_px.max() <= 1.001 * residual_px + 1e-9
+    assert error_px.max() >= 0.7 * residual_px - 1e-9
 
 
-def test_the_closest_is_closest_in_pixels():
-    """Without weights the rim counts for less, and 2.4 px are left of it."""
+def test_the_fit_minimises_errors_in_pixels():
+    """Without weights the rim would count less, and the residual would be 2.4 px."""
     model = CameraInfoModel(
         'equidistant', (-0.02, 0.005, -0.003, 5e-4), (400.0, 400.0), CENTER, 0.0, SIZE
     )

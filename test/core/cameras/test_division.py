@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The division model: its two maps undo each other, out to where they end."""
+"""The division model: project inverts unproject, up to the fold of the lens."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -29,7 +29,7 @@ def test_any_point_on_a_pixels_ray_projects_back_to_it(k, seed):
     ('k', 'k2', 'k3'),
     [(-0.3, 0.02, -0.003), (-0.2, -0.05, 0.01), (-0.25, -0.02, 0.0), (0.05, 0.01, 0.0)],
 )
-def test_wide_lens_with_more_terms_round_trips(k, k2, k3):
+def test_a_wide_lens_with_more_terms_round_trips(k, k2, k3):
     camera = DivisionCamera(300.0, CENTER_PX, k, k2, k3)
     back = camera.project(3.0 * camera.unproject(pixels(3, 2000)))
     np.testing.assert_allclose(back, pixels(3, 2000), atol=1e-9)
@@ -42,7 +42,7 @@ def test_terms_that_vanish_change_nothing():
     np.testing.assert_allclose(more.project(points), one.project(points), atol=1e-9)
 
 
-def test_pinhole_is_the_limit():
+def test_the_pinhole_camera_is_the_limit_of_small_k():
     points = np.random.default_rng(0).uniform((-1, -1, 1), (1, 1, 4), (100, 3))
     pinhole = 500.0 * points[:, :2] / points[:, 2:] + CENTER_PX
     for k in (0.0, 1e-14, -1e-14):
@@ -50,14 +50,14 @@ def test_pinhole_is_the_limit():
         np.testing.assert_allclose(camera.project(points), pinhole, atol=1e-9)
 
 
-def test_the_ray_is_the_models_equation():
+def test_a_ray_satisfies_the_equation_of_the_model():
     camera = DivisionCamera(200.0, (100.0, 50.0), -0.2, 0.1, -0.05)
     # d = (0.5, -0.5), |d|² = 0.5
     ray = camera.unproject([200.0, -50.0])
     np.testing.assert_allclose(ray, [0.5, -0.5, 1.0 - 0.1 + 0.025 - 0.00625])
 
 
-def test_negative_k_sees_behind_its_image_plane():
+def test_a_lens_with_negative_k_sees_behind_its_image_plane():
     camera = DivisionCamera(200.0, CENTER_PX, -0.5)
     sideways = camera.project([[1.0, 0.0, 0.0], [1.0, 0.0, -0.5]])
     assert np.isfinite(sideways).all()
@@ -73,20 +73,20 @@ def test_negative_k_sees_behind_its_image_plane():
         DivisionCamera(200.0, CENTER_PX, -0.2, -0.05),
     ],
 )
-def test_what_no_pixel_sees_is_nan(camera):
+def test_points_on_the_backward_axis_are_nan(camera):
     assert np.isnan(camera.project([0.0, 0.0, -1.0])).all()
     np.testing.assert_allclose(camera.project([0.0, 0.0, 1.0]), CENTER_PX)
 
 
-def test_pincushion_ends_where_its_rays_turn_back():
-    # With k > 0 the steepest ray has ρ / Z = 1 / (2 √k).
+def test_a_pincushion_lens_sees_nothing_beyond_its_fold():
+    # With k > 0 the outermost ray has ρ / Z = 1 / (2 √k).
     camera = DivisionCamera(200.0, CENTER_PX, 0.25)
     assert np.isfinite(camera.project([0.999, 0.0, 1.0])).all()
     assert np.isnan(camera.project([1.001, 0.0, 1.0])).all()
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'complaint'),
+    ('arguments', 'message'),
     [
         ({'focal_px': 0.0}, 'focal_px must be > 0, got 0.0'),
         ({'focal_px': np.nan}, 'focal_px must be finite'),
@@ -95,12 +95,12 @@ def test_pincushion_ends_where_its_rays_turn_back():
         ({'center_px': (1.0,)}, 'center_px must have shape'),
     ],
 )
-def test_what_is_no_camera_is_refused(arguments, complaint):
-    with pytest.raises(ValueError, match=complaint):
+def test_an_invalid_camera_is_rejected(arguments, message):
+    with pytest.raises(ValueError, match=message):
         DivisionCamera(**{'focal_px': 500.0, 'center_px': CENTER_PX, **arguments})
 
 
-def test_cameras_are_values():
+def test_cameras_with_equal_numbers_are_equal():
     numbers = DivisionCamera(np.float32(500.0), np.array(CENTER_PX), np.float64(-0.1))
     assert numbers == DivisionCamera(500.0, CENTER_PX, -0.1)
     assert hash(numbers) == hash(DivisionCamera(500.0, CENTER_PX, -0.1))

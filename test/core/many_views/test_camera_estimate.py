@@ -1,6 +1,8 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+"""``CameraEstimate``: its standard deviations, and the check of its fields."""
+
 import numpy as np
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.core.many_views.results import CameraEstimate
@@ -13,7 +15,7 @@ VARIANCES = np.outer(SIGMA, SIGMA)
 COVARIANCE = CORRELATED * VARIANCES
 
 
-def test_standard_deviations_are_the_covariances():
+def test_standard_deviations_are_square_roots_of_the_variances():
     estimate = CameraEstimate(CAMERA, COVARIANCE, 0.2, 12)
     assert estimate.focal_sigma_px == pytest.approx(0.8)
     np.testing.assert_allclose(estimate.center_sigma_px, [0.5, 0.6])
@@ -21,12 +23,12 @@ def test_standard_deviations_are_the_covariances():
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'complaint'),
+    ('arguments', 'message'),
     [
         ({'covariance': np.eye(5)}, r'covariance must have shape \(6, 6\)'),
         ({'covariance': -np.eye(6)}, 'covariance must be symmetric and ≥ 0'),
         ({'covariance': COVARIANCE + 1e-3 * np.eye(6, k=1)}, 'covariance must be symmetric'),
-        # Focal length and k with a correlation above one; in absolute numbers it is small.
+        # A correlation of focal length and k above one; its covariance is a small number.
         ({'covariance': (1.2 * CORRELATED - 0.2 * np.eye(6)) * VARIANCES}, 'covariance must be'),
         ({'covariance': COVARIANCE + 1e-3 * (np.eye(6, k=5) + np.eye(6, k=-5))}, 'covariance'),
         ({'rms_px': np.nan}, 'rms_px must be finite and ≥ 0, got nan'),
@@ -34,8 +36,8 @@ def test_standard_deviations_are_the_covariances():
         ({'views': 0}, 'views must be at least 1, got 0'),
     ],
 )
-def test_what_is_no_estimate_is_refused(arguments, complaint):
+def test_an_invalid_estimate_is_rejected(arguments, message):
     good = {'camera': CAMERA, 'covariance': COVARIANCE, 'rms_px': 0.2, 'views': 12}
     CameraEstimate(**good)
-    with pytest.raises(ValueError, match=complaint):
+    with pytest.raises(ValueError, match=message):
         CameraEstimate(**{**good, **arguments})

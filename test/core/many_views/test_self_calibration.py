@@ -1,18 +1,18 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The camera from its views: as good as the best there is, and no surer than it may be."""
+"""Self-calibration: accuracy, covariance, keyframes, and the time of each pose."""
 
 from calibration_views import (
     BOARD,
-    calibrated,
-    drawn,
-    error,
+    calibrate,
+    compiled_only,
+    draw_views,
+    lens_error,
     MARKER,
-    takes_long,
-    views_of,
+    seeded_camera,
 )
-from errors import deviation
+from errors import estimate_error
 import numpy as np
 from p4pfr_ros import (
     CalibrationOptions,
@@ -31,102 +31,108 @@ CORNER_PX = 800.0
 
 @pytest.fixture(scope='module')
 def thirty():
-    """Cameras, their 30 views of 24 points with 0.5 px and a tenth wrong, and calibrations."""
+    """Calibrate 100 cameras, each from 30 views of 24 points with 0.5 px noise, 10 % outliers."""
     scenes = []
     for seed in range(100):
-        camera = drawn(seed)
-        views = views_of(camera, 30, seed, outlier_share=0.1)
-        scenes.append((camera, views, calibrated(views)))
+        camera = seeded_camera(seed)
+        views = draw_views(camera, 30, seed, outlier_share=0.1)
+        scenes.append((camera, views, calibrate(views)))
     return scenes
 
 
-@takes_long
-def test_errors_are_those_of_full_bundle_adjustment_from_the_truth(thirty):
-    def sizes(found, camera):
+@compiled_only
+def test_errors_match_bundle_adjustment_started_at_the_truth(thirty):
+    def error_sizes(errors, camera):
         bend = (CORNER_PX / camera.focal_px) ** 2
-        return np.abs([found[0] / camera.focal_px, np.hypot(found[1], found[2]), bend * found[3]])
+        return np.abs(
+            [errors[0] / camera.focal_px, np.hypot(errors[1], errors[2]), bend * errors[3]]
+        )
 
-    ours = [sizes(error(c.fused.camera, camera), camera) for camera, _, c in thirty]
+    ours = [error_sizes(lens_error(c.fused.camera, camera), camera) for camera, _, c in thirty]
     best = [
-        sizes(error(fit_from_ground_truth(views), camera), camera) for camera, views, _ in thirty
+        error_sizes(lens_error(fit_from_ground_truth(views), camera), camera)
+        for camera, views, _ in thirty
     ]
     assert (np.median(ours, axis=0) < 1.15 * np.median(best, axis=0)).all()
 
 
-@takes_long
-def test_standard_deviations_are_honest(thirty):
+@compiled_only
+def test_standard_deviations_match_the_errors(thirty):
     squares, inside = [], []
     for camera, _, calibration in thirty:
-        off, covariance = error(calibration.fused.camera, camera)[:4], calibration.fused.covariance
-        squares.append(off @ np.linalg.solve(covariance[:4, :4], off))
-        inside.append(np.abs(off) < 1.96 * np.sqrt(np.diag(covariance)[:4]))
-    assert 3.0 < np.mean(squares) < 5.0  # four in truth, and one in a hundred cameras ± 0.28
+        error, covariance = (
+            lens_error(calibration.fused.camera, camera)[:4],
+            calibration.fused.covariance,
+        )
+        squares.append(error @ np.linalg.solve(covariance[:4, :4], error))
+        inside.append(np.abs(error) < 1.96 * np.sqrt(np.diag(covariance)[:4]))
+    assert 3.0 < np.mean(squares) < 5.0  # expected 4; the mean of a hundred has a σ of 0.28
     assert (np.mean(inside, axis=0) > 0.89).all()
 
 
-@takes_long
-def test_one_term_stays_one_where_one_is_true(thirty):
+@compiled_only
+def test_a_lens_with_one_term_is_fitted_with_one_term(thirty):
     for _, _, calibration in thirty:
         assert calibration.fused.camera.k2 == calibration.fused.camera.k3 == 0.0
 
 
-@takes_long
-def test_the_state_goes_up(thirty):
+@compiled_only
+def test_the_state_advances_with_the_number_of_views(thirty):
     assert all(c.state is CalibrationState.CALIBRATED for _, _, c in thirty)
     assert SelfCalibration(IMAGE_SIZE).state is CalibrationState.UNCALIBRATED
     views = thirty[0][1]
-    few = calibrated(views[:2])
+    few = calibrate(views[:2])
     assert few.state is CalibrationState.CONVERGING
     assert few.fused.focal_sigma_px > thirty[0][2].fused.focal_sigma_px
 
 
-@takes_long
+@compiled_only
 @pytest.mark.parametrize('count', [1, 3, 10])
-def test_a_pose_knows_how_sure_its_camera_is(count):
+def test_the_covariance_of_a_pose_includes_that_of_the_camera(count):
     squares = []
     for seed in range(60):
-        camera = drawn(seed)
-        views = views_of(camera, count, seed, tilt_deg=(15.0, 60.0))
-        calibration = calibrated(views[:-1])
+        camera = seeded_camera(seed)
+        views = draw_views(camera, count, seed, tilt_deg=(15.0, 60.0))
+        calibration = calibrate(views[:-1])
         estimate = calibration.update(views[-1].image_points, views[-1].board_points)
         if calibration.fused is not None and not estimate.observable.undetermined:
-            off = deviation(estimate.model, views[-1])
-            squares.append(off @ np.linalg.solve(estimate.covariance, off))
+            error = estimate_error(estimate.model, views[-1])
+            squares.append(error @ np.linalg.solve(estimate.covariance, error))
     assert len(squares) > 54
     # The median of χ² with eight degrees of freedom is 7.34.
     assert 5.5 < np.median(squares) < 9.0
 
 
-@takes_long
-def test_markers_of_four_points_calibrate_too():
-    shares = []
+@compiled_only
+def test_markers_with_four_points_calibrate_a_camera():
+    errors = []
     for seed in range(10):
-        camera = drawn(seed)
-        views = views_of(camera, 40, seed, board=MARKER, noise_px=0.3)
-        calibration = calibrated(views)
+        camera = seeded_camera(seed)
+        views = draw_views(camera, 40, seed, board=MARKER, noise_px=0.3)
+        calibration = calibrate(views)
         assert calibration.state is CalibrationState.CALIBRATED
-        shares.append(calibration.fused.camera.focal_px / camera.focal_px - 1.0)
-    assert np.median(np.abs(shares)) < 0.005
+        errors.append(calibration.fused.camera.focal_px / camera.focal_px - 1.0)
+    assert np.median(np.abs(errors)) < 0.005
 
 
-@takes_long
-def test_the_set_of_views_is_bounded_and_tells_more_and_more():
-    camera = drawn(3)
+@compiled_only
+def test_the_keyframes_are_bounded_and_gain_information():
+    camera = seeded_camera(3)
     calibration = SelfCalibration(IMAGE_SIZE, options=CalibrationOptions(max_views=6))
-    sure_px = []
-    for view in views_of(camera, 30, 3):
+    sigmas_px = []
+    for view in draw_views(camera, 30, 3):
         calibration.update(view.image_points, view.board_points)
         if calibration.fused is not None:
-            sure_px.append(calibration.fused.focal_sigma_px)
+            sigmas_px.append(calibration.fused.focal_sigma_px)
         assert len(calibration.views) <= 6
-    assert sure_px[-1] < 0.7 * sure_px[5]
+    assert sigmas_px[-1] < 0.7 * sigmas_px[5]
 
 
-@takes_long
-def test_what_stands_still_tells_nothing_new():
-    camera = drawn(4)
-    views = views_of(camera, 6, 4)
-    calibration = calibrated(views)
+@compiled_only
+def test_a_stationary_board_adds_no_keyframe():
+    camera = seeded_camera(4)
+    views = draw_views(camera, 6, 4)
+    calibration = calibrate(views)
     rng = np.random.default_rng(0)
     for _ in range(20):
         again = views[2].image_points + rng.normal(0.0, 0.3, (24, 2))
@@ -136,30 +142,30 @@ def test_what_stands_still_tells_nothing_new():
     assert len(calibration.views) == 6
 
 
-@takes_long
-def test_a_prior_of_the_focal_length_counts():
-    camera = drawn(10)
+@compiled_only
+def test_a_prior_on_the_focal_length_is_used():
+    camera = seeded_camera(10)
     robust = EstimateOptions(prior_focal_px=camera.focal_px, prior_focal_sigma_px=0.5)
-    flat = views_of(camera, 4, 10, tilt_deg=(0.0, 3.0))
-    assert calibrated(flat, robust=robust).fused.focal_sigma_px < 0.51
-    assert calibrated(flat).fused is None or calibrated(flat).fused.focal_sigma_px > 5.0
+    flat = draw_views(camera, 4, 10, tilt_deg=(0.0, 3.0))
+    assert calibrate(flat, robust=robust).fused.focal_sigma_px < 0.51
+    assert calibrate(flat).fused is None or calibrate(flat).fused.focal_sigma_px > 5.0
 
 
-def test_the_views_come_with_what_the_caller_called_them():
+def test_keyframes_have_the_callers_stamps_and_their_residuals():
     calibration = SelfCalibration(IMAGE_SIZE)
-    for stamp, view in zip('abc', views_of(drawn(11), 3, 11), strict=True):
+    for stamp, view in zip('abc', draw_views(seeded_camera(11), 3, 11), strict=True):
         calibration.update(view.image_points, view.board_points, stamp)
-    assert [kept.stamp for kept in calibration.views] == ['a', 'b', 'c']
-    kept = calibration.views[0]
+    assert [keyframe.stamp for keyframe in calibration.views] == ['a', 'b', 'c']
+    keyframe = calibration.views[0]
     expected = calibration.fused.camera.project(
-        kept.camera_from_board.transform(np.pad(kept.board_points, ((0, 0), (0, 1))))
+        keyframe.camera_from_board.transform(np.pad(keyframe.board_points, ((0, 0), (0, 1))))
     )
-    np.testing.assert_allclose(kept.residuals_px, expected - kept.image_points, atol=1e-9)
+    np.testing.assert_allclose(keyframe.residuals_px, expected - keyframe.image_points, atol=1e-9)
 
 
-@takes_long
-def test_points_on_a_line_have_no_answer_and_leave_no_trace():
-    calibration = calibrated(views_of(drawn(12), 5, 12))
+@compiled_only
+def test_collinear_points_have_no_pose_and_do_not_change_the_camera():
+    calibration = calibrate(draw_views(seeded_camera(12), 5, 12))
     before = calibration.fused.camera
     line = np.column_stack([np.linspace(-0.5, 0.5, 8), np.zeros(8)])
     estimate = calibration.update(100.0 + 500.0 * (line + 1.0), line)
@@ -168,8 +174,8 @@ def test_points_on_a_line_have_no_answer_and_leave_no_trace():
     assert calibration.fused.camera == before
 
 
-@takes_long
-def test_noise_without_a_board_has_no_answer():
+@compiled_only
+def test_random_points_have_no_pose():
     calibration = SelfCalibration(IMAGE_SIZE)
     rng = np.random.default_rng(0)
     estimate = calibration.update(rng.uniform((0, 0), IMAGE_SIZE, (24, 2)), BOARD)
@@ -178,7 +184,7 @@ def test_noise_without_a_board_has_no_answer():
 
 
 @pytest.mark.parametrize(
-    'wrong',
+    'option',
     [
         {'max_views': 1},
         {'min_views': 1},
@@ -188,12 +194,12 @@ def test_noise_without_a_board_has_no_answer():
     ],
     ids=str,
 )
-def test_options_out_of_range_are_refused(wrong):
-    with pytest.raises(ValueError, match=next(iter(wrong))):
-        CalibrationOptions(**wrong)
+def test_options_out_of_range_are_rejected(option):
+    with pytest.raises(ValueError, match=next(iter(option))):
+        CalibrationOptions(**option)
 
 
-def test_a_wrong_view_is_the_callers_fault():
+def test_invalid_arguments_raise_a_value_error():
     calibration = SelfCalibration(IMAGE_SIZE)
     with pytest.raises(ValueError, match='finite'):
         calibration.update(np.full((24, 2), np.nan), BOARD)
@@ -202,7 +208,7 @@ def test_a_wrong_view_is_the_callers_fault():
 
 
 def _update(calibration, view):
-    """Update with a view; return the estimates that on_pose got, and the camera at that moment."""
+    """Update with a view; return the estimate that on_pose got, and the camera at that time."""
     calls = []
 
     def on_pose(estimate):
@@ -215,11 +221,11 @@ def _update(calibration, view):
     return estimate, camera
 
 
-@takes_long
-def test_a_calibrated_camera_publishes_the_pose_before_it_learns():
-    """The pose is by the camera before the update, and hardly differs from the one after it."""
-    views = views_of(drawn(13), 40, 13)
-    calibration, in_turn = calibrated(views[:30]), calibrated(views[:30])
+@compiled_only
+def test_a_calibrated_camera_reports_the_pose_before_the_update():
+    """That pose is by the camera before the update, and hardly differs from the later one."""
+    views = draw_views(seeded_camera(13), 40, 13)
+    calibration, in_turn = calibrate(views[:30]), calibrate(views[:30])
     assert calibration.state is CalibrationState.CALIBRATED
     for view in views[30:]:
         before = calibration.fused.camera
@@ -231,16 +237,16 @@ def test_a_calibrated_camera_publishes_the_pose_before_it_learns():
         assert step @ np.linalg.solve(early.covariance[:3, :3], step) < 1.0
 
 
-@takes_long
-def test_other_poses_are_published_after_the_update():
-    """Without a calibrated camera, or by a view that disagrees with it."""
-    views = views_of(drawn(13), 30, 13)
+@compiled_only
+def test_other_poses_are_reported_after_the_update():
+    """Without a calibrated camera, or if the view disagrees with it."""
+    views = draw_views(seeded_camera(13), 30, 13)
     calibration = SelfCalibration(IMAGE_SIZE)
     estimate, camera = _update(calibration, views[0])
     assert camera is not None
     assert camera == estimate.model.camera == calibration.fused.camera
-    calibrated(views[1:], calibration)
-    strange = views_of(drawn(14), 1, 14)[0]
-    estimate, camera = _update(calibration, strange)
+    calibrate(views[1:], calibration)
+    outlier = draw_views(seeded_camera(14), 1, 14)[0]
+    estimate, camera = _update(calibration, outlier)
     assert calibration.verdict is Verdict.OUTLIER
     assert estimate.model.camera != camera

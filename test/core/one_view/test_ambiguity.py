@@ -1,9 +1,9 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""All that explains a view as well is told, and nothing else."""
+"""Alternatives: all solutions that explain a view as well as the best, and no others."""
 
-from errors import look
+from errors import project_board
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose
 from p4pfr_ros.core.geometry import rotation_angle_rad
@@ -23,28 +23,28 @@ FREE = {
 }
 
 
-def poses(pose, board, how, seed):
-    estimate = estimate_pose(look(CAMERA, pose, board, 0.3, seed), board, **how)
+def poses(pose, board, arguments, seed):
+    estimate = estimate_pose(project_board(CAMERA, pose, board, 0.3, seed), board, **arguments)
     return [s.camera_from_board for s in (estimate.model, *estimate.alternatives)]
 
 
-@pytest.mark.parametrize('how', [{'camera': CAMERA}, FREE], ids=['known', 'free'])
+@pytest.mark.parametrize('arguments', [{'camera': CAMERA}, FREE], ids=['known', 'free'])
 @pytest.mark.parametrize('board', [CORNERS, NESTED], ids=['four', 'twelve'])
-def test_a_far_marker_has_two_poses_and_a_near_one_has_one(board, how):
+def test_a_far_marker_has_two_poses_and_a_near_one_has_one(board, arguments):
     for seed in range(5):
-        found = poses(FAR, board, how, seed)
-        assert len(found) == 2
-        assert min(rotation_angle_rad(p.rotation, TILTED) for p in found) < np.radians(12.0)
-        # Mirrored in the line of sight, nearly: twice the tilt apart.
-        assert rotation_angle_rad(found[0].rotation, found[1].rotation) > np.radians(30.0)
-        found = poses(NEAR, board, how, seed)
-        assert len(found) == 1
-        assert rotation_angle_rad(found[0].rotation, TILTED) < np.radians(2.0)
+        solutions = poses(FAR, board, arguments, seed)
+        assert len(solutions) == 2
+        assert min(rotation_angle_rad(p.rotation, TILTED) for p in solutions) < np.radians(12.0)
+        # They are nearly mirror images in the line of sight: twice the tilt apart.
+        assert rotation_angle_rad(solutions[0].rotation, solutions[1].rotation) > np.radians(30.0)
+        solutions = poses(NEAR, board, arguments, seed)
+        assert len(solutions) == 1
+        assert rotation_angle_rad(solutions[0].rotation, TILTED) < np.radians(2.0)
 
 
-def test_the_model_is_the_better_one():
+def test_the_model_has_smaller_residuals_than_its_alternatives():
     for seed in range(20):
-        image = look(CAMERA, FAR, NESTED, 0.3, seed)
+        image = project_board(CAMERA, FAR, NESTED, 0.3, seed)
         estimate = estimate_pose(image, NESTED, camera=CAMERA)
         rms = [rms_px(s, image) for s in (estimate.model, *estimate.alternatives)]
         assert rms[0] == min(rms)
@@ -52,16 +52,16 @@ def test_the_model_is_the_better_one():
 
 
 def rms_px(solution, image):
-    seen = look(solution.camera, solution.camera_from_board, NESTED)
-    return np.sqrt(np.mean(np.sum((seen - image) ** 2, axis=1)))
+    projected = project_board(solution.camera, solution.camera_from_board, NESTED)
+    return np.sqrt(np.mean(np.sum((projected - image) ** 2, axis=1)))
 
 
-def test_four_points_with_a_free_camera_tell_every_camera():
+def test_four_points_give_every_camera_that_fits_them():
     board = np.array([[0.0, 0.0], [1.0, 0.1], [0.9, 1.0], [0.1, 0.8]]) - 0.5
-    image = look(CAMERA, Pose(TILTED, [0.2, 0.1, 1.3]), board)
+    image = project_board(CAMERA, Pose(TILTED, [0.2, 0.1, 1.3]), board)
     estimate = estimate_pose(image, board, image_size=IMAGE_SIZE)
-    found = [estimate.model, *estimate.alternatives]
-    assert min(abs(s.camera.focal_px - 800.0) for s in found) < 1e-3
-    for solution in found:
-        seen = look(solution.camera, solution.camera_from_board, board)
-        np.testing.assert_allclose(seen, image, atol=1e-6)
+    solutions = [estimate.model, *estimate.alternatives]
+    assert min(abs(s.camera.focal_px - 800.0) for s in solutions) < 1e-3
+    for solution in solutions:
+        projected = project_board(solution.camera, solution.camera_from_board, board)
+        np.testing.assert_allclose(projected, image, atol=1e-6)

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Whatever comes in: an error that names it, or an answer; never a crash, never a hang."""
+"""Any input gives an estimate, or an error that names the argument; never a crash or hang."""
 
 import warnings
 
@@ -15,7 +15,7 @@ from p4pfr_ros.scenes.single_view import draw_view
 import pytest
 
 CAMERA = DivisionCamera(800.0, (639.5, 479.5), -0.1)
-HOWS = [{'image_size': IMAGE_SIZE}, {'camera': CAMERA}]
+CAMERA_ARGUMENTS = [{'image_size': IMAGE_SIZE}, {'camera': CAMERA}]
 SHORT = EstimateOptions(max_iterations=50 if COMPILED else 4, min_iterations=4)
 
 numbers = st.one_of(
@@ -23,15 +23,15 @@ numbers = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
     st.integers(-3, 3).map(float),
 )
-clouds = st.integers(0, 9).flatmap(
+point_lists = st.integers(0, 9).flatmap(
     lambda n: st.lists(st.tuples(numbers, numbers), min_size=n, max_size=n)
 )
 
 
-def answer_or_named(image, board, how, names):
-    """Return the estimate, or None where the error names one of the arguments."""
+def estimate_or_none(image, board, known, names):
+    """Return the estimate, or None if a ValueError names one of the arguments."""
     try:
-        return estimate_pose(image, board, options=SHORT, **how)
+        return estimate_pose(image, board, options=SHORT, **known)
     except ValueError as error:
         if str(error).split()[0] not in names:
             raise
@@ -39,10 +39,10 @@ def answer_or_named(image, board, how, names):
 
 
 @settings(max_examples=300 if COMPILED else 20, deadline=None)
-@given(image=clouds, board=clouds, how=st.sampled_from(HOWS))
-def test_anything_is_answered_or_named(image, board, how):
+@given(image=point_lists, board=point_lists, known=st.sampled_from(CAMERA_ARGUMENTS))
+def test_any_input_gives_an_estimate_or_a_named_error(image, board, known):
     image, board = np.reshape(image, (-1, 2)), np.reshape(board, (-1, 2))
-    estimate = answer_or_named(image, board, how, ('image_points', 'board_points'))
+    estimate = estimate_or_none(image, board, known, ('image_points', 'board_points'))
     if estimate is None:
         return
     assert estimate.inliers.shape == (len(image),)
@@ -53,58 +53,58 @@ def test_anything_is_answered_or_named(image, board, how):
 
 
 def scattered(n, points=None):
-    """Draw n points of the image, or repeat fewer ones."""
+    """Draw points of the image; repeat them if fewer than n are drawn."""
     drawn = np.random.default_rng(n).uniform(0.0, 900.0, (points or n, 2))
     return np.repeat(drawn, -(-n // len(drawn)), axis=0)[:n]
 
 
-def on_a_line(n):
+def collinear(n):
     return np.arange(n)[:, None] * [1.0, 2.0]
 
 
-def on_a_spot(n):
+def coinciding(n):
     return np.tile([3.0, 4.0], (n, 1))
 
 
-over_hows = pytest.mark.parametrize('how', HOWS, ids=['free', 'known'])
+over_arguments = pytest.mark.parametrize('known', CAMERA_ARGUMENTS, ids=['free', 'known'])
 over_counts = pytest.mark.parametrize('n', [4, 5, 30])
 
 
-@over_hows
+@over_arguments
 @over_counts
-@pytest.mark.parametrize('board', [on_a_line, on_a_spot])
-@pytest.mark.parametrize('image', [scattered, on_a_line, on_a_spot])
-def test_a_degenerate_board_is_collinear(image, board, n, how):
-    estimate = estimate_pose(image(n), board(n), options=SHORT, **how)
+@pytest.mark.parametrize('board', [collinear, coinciding])
+@pytest.mark.parametrize('image', [scattered, collinear, coinciding])
+def test_a_degenerate_board_is_collinear(image, board, n, known):
+    estimate = estimate_pose(image(n), board(n), options=SHORT, **known)
     assert estimate.status is Status.COLLINEAR
     assert estimate.model is None
     assert np.isnan(estimate.covariance).all()
     assert not estimate.inliers.any()
 
 
-@over_hows
+@over_arguments
 @over_counts
-def test_an_image_of_one_spot_has_no_pose(n, how):
-    estimate = estimate_pose(on_a_spot(n), scattered(n), options=SHORT, **how)
+def test_coinciding_image_points_have_no_pose(n, known):
+    estimate = estimate_pose(coinciding(n), scattered(n), options=SHORT, **known)
     assert estimate.model is None
     assert np.isnan(estimate.covariance).all()
 
 
-@over_hows
+@over_arguments
 @over_counts
-def test_an_image_on_a_line_has_no_pose_or_an_uncertain_one(n, how):
-    """A board seen edge-on: the distance of a pose, if any, is uncertain by several percent."""
-    estimate = estimate_pose(on_a_line(n), scattered(n), options=SHORT, **how)
+def test_collinear_image_points_have_no_pose_or_an_uncertain_one(n, known):
+    """If there is a pose of that edge-on board, its distance is uncertain by several percent."""
+    estimate = estimate_pose(collinear(n), scattered(n), options=SHORT, **known)
     if estimate.model is None:
         assert np.isnan(estimate.covariance).all()
     else:
         assert not estimate.distance_sigma < 0.05 * estimate.model.camera_from_board.distance
-        assert 'camera' in how or not estimate.observable.focal
+        assert 'camera' in known or not estimate.observable.focal
 
 
 @pytest.mark.parametrize('n', [5, 30])
 def test_repeated_points_count_once(n):
-    """Half as many distinct points, seen from straight ahead: no focal length, no distance."""
+    """Half as many distinct points of a fronto-parallel board: no focal length, no distance."""
     image = scattered(n, (n + 1) // 2)
     estimate = estimate_pose(image, image / 1000.0, options=SHORT, image_size=IMAGE_SIZE)
     if n == 5:  # three distinct points
@@ -112,28 +112,30 @@ def test_repeated_points_count_once(n):
         return
     assert estimate.inliers.all()
     assert {'distance', 'focal'} <= set(estimate.observable.undetermined)
-    facing = 180.0 - estimate.model.camera_from_board.tilt_deg
-    assert facing == pytest.approx(0.0, abs=0.1)  # y up on the board, down in the image: its back
+    # The board's y axis is up and the image's is down, so the camera sees the board's back.
+    assert estimate.model.camera_from_board.tilt_deg == pytest.approx(180.0, abs=0.1)
 
 
-@pytest.mark.parametrize('how', HOWS, ids=['free', 'known'])
+@over_arguments
 @pytest.mark.parametrize('scale', [1e-200, 1e-12, 1e12, 1e200])
 @pytest.mark.parametrize('which', ['image', 'board'])
-def test_wild_scales_are_answered_or_named(which, scale, how):
+def test_extreme_scales_give_an_estimate_or_a_named_error(which, scale, known):
     drawn = draw_view(np.random.default_rng(3), 12)
     image, board = drawn.image_points, drawn.board_points
     points = (scale * image, board) if which == 'image' else (image, scale * board)
     with warnings.catch_warnings():
         warnings.simplefilter('error')
-        answer_or_named(*points, how, (f'{which}_points',))
+        estimate = estimate_or_none(*points, known, (f'{which}_points',))
+    # Only the squares of 1e200 are not finite.
+    assert (estimate is None) == (scale == 1e200)
 
 
-def test_the_boards_unit_does_not_matter():
+def test_the_estimate_scales_with_the_boards_unit():
     drawn = draw_view(np.random.default_rng(4), 20)
-    pixels = drawn.image_points
-    metres = estimate_pose(pixels, drawn.board_points, image_size=IMAGE_SIZE)
+    image_points = drawn.image_points
+    metres = estimate_pose(image_points, drawn.board_points, image_size=IMAGE_SIZE)
     for unit in (1e-6, 1e6):
-        scaled = estimate_pose(pixels, unit * drawn.board_points, image_size=IMAGE_SIZE)
+        scaled = estimate_pose(image_points, unit * drawn.board_points, image_size=IMAGE_SIZE)
         assert scaled.model.camera.focal_px == pytest.approx(metres.model.camera.focal_px)
         np.testing.assert_allclose(
             scaled.model.camera_from_board.translation,
@@ -145,25 +147,25 @@ def test_the_boards_unit_does_not_matter():
         )
 
 
-def test_any_layout_and_number_type_gives_the_same_answer():
+def test_any_layout_and_number_type_gives_the_same_estimate():
     drawn = draw_view(np.random.default_rng(5), 20)
     image = np.round(drawn.image_points)
     board = np.round(1000.0 * drawn.board_points)
     plain = estimate_pose(image, board, image_size=IMAGE_SIZE)
     wide = np.zeros((40, 4))
     wide[::2, 1:3] = board
-    for pixels, points in [
+    for image_points, points in [
         (image.astype(np.int16), board.astype(np.int64)),
         (image.astype(np.float32), board.astype(np.float32)),
         (np.asfortranarray(image), wide[::2, 1:3]),
         (image.tolist(), board.tolist()),
     ]:
-        estimate = estimate_pose(pixels, points, image_size=IMAGE_SIZE)
+        estimate = estimate_pose(image_points, points, image_size=IMAGE_SIZE)
         assert estimate.model.camera == plain.model.camera
         np.testing.assert_array_equal(estimate.covariance, plain.covariance)
 
 
-def test_ten_thousand_points_are_no_trouble(sample):
+def test_a_view_of_ten_thousand_points_is_estimated(sample):
     drawn = draw_view(np.random.default_rng(6), sample(10_000, 60), outlier_share=0.3)
     estimate = estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
     assert estimate.model.camera.focal_px == pytest.approx(drawn.camera.focal_px, rel=0.05)
@@ -171,7 +173,7 @@ def test_ten_thousand_points_are_no_trouble(sample):
 
 @pytest.mark.parametrize('name', ['image_points', 'board_points'])
 @pytest.mark.parametrize('value', [np.nan, np.inf])
-def test_what_is_not_finite_is_named(name, value):
+def test_the_error_for_a_number_that_is_not_finite_names_its_place(name, value):
     points = {'image_points': np.random.default_rng(0).uniform(0, 900, (6, 2))}
     points['board_points'] = points['image_points'] / 900.0
     points[name] = points[name].copy()

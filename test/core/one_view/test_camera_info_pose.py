@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The pose by a camera that somebody else has calibrated."""
+"""``estimate_pose`` with a CameraInfoModel."""
 
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose, Status
@@ -32,12 +32,12 @@ over_models = pytest.mark.parametrize('model', MODELS.values(), ids=MODELS)
 FACING = np.diag([1.0, -1.0, -1.0])
 
 
-def drawn_view(rng, model, n=40):
-    """Draw a pose and n points of a board that the picture shows; without noise."""
+def draw_model_view(rng, model, n=40):
+    """Draw a pose and n board points inside the image; without noise."""
     pose = Pose.from_rotation_vector(rng.uniform(-0.6, 0.6, 3), [*rng.uniform(-0.1, 0.1, 2), 0.6])
     pose = Pose(pose.rotation @ FACING, pose.translation)
-    reach = 0.35 * 900.0 / model.focal_px[0]
-    board = rng.uniform(-reach, reach, (20 * n, 2))
+    half_size = 0.35 * 900.0 / model.focal_px[0]
+    board = rng.uniform(-half_size, half_size, (20 * n, 2))
     image = model.project(pose.transform(np.pad(board, ((0, 0), (0, 1)))))
     inside = ((image > 0.0) & (image < SIZE)).all(axis=1)
     return pose, board[inside][:n], image[inside][:n]
@@ -47,11 +47,11 @@ def drawn_view(rng, model, n=40):
 def test_without_noise_the_pose_is_exact(model):
     rng = np.random.default_rng(1)
     for _ in range(5):
-        pose, board, image = drawn_view(rng, model)
+        pose, board, image = draw_model_view(rng, model)
         estimate = estimate_pose(image, board, camera=model)
-        found = estimate.model.camera_from_board
-        assert rotation_angle_rad(found.rotation, pose.rotation) < 1e-9
-        np.testing.assert_allclose(found.translation, pose.translation, atol=1e-9)
+        result = estimate.model.camera_from_board
+        assert rotation_angle_rad(result.rotation, pose.rotation) < 1e-9
+        np.testing.assert_allclose(result.translation, pose.translation, atol=1e-9)
         assert estimate.rms_px < 1e-9
         np.testing.assert_array_equal(estimate.covariance[6:], 0.0)
 
@@ -64,51 +64,51 @@ def test_errors_and_covariance_are_in_raw_pixels(model):
     n = 60
     squares, rms_px = [], []
     for _ in range(n):
-        pose, board, image = drawn_view(rng, model)
+        pose, board, image = draw_model_view(rng, model)
         noisy = image + rng.normal(0.0, 0.5, image.shape)
         estimate = estimate_pose(noisy, board, camera=model, options=options)
         error = estimate.model.camera_from_board.translation - pose.translation
         squares.append(error @ np.linalg.solve(estimate.covariance[:3, :3], error))
         rms_px.append(estimate.rms_px)
-    # Of 80 coordinates, 74 are free; two to a point.
+    # 80 coordinates minus 6 unknowns; an error has two coordinates.
     assert np.mean(rms_px) == pytest.approx(0.5 * np.sqrt(2.0 * 74 / 80), rel=0.05)
     assert np.mean(squares) == pytest.approx(3.0, abs=4.0 * np.sqrt(6.0 / n))
 
 
-def test_for_a_division_camera_it_is_the_same_as_the_camera_itself():
+def test_a_division_camera_and_its_model_give_the_same_estimate():
     camera = DivisionCamera(800.0, CENTER, -0.2)
     model = camera.to_camera_info_model(SIZE)
     rng = np.random.default_rng(3)
-    _, board, image = drawn_view(rng, model)
+    _, board, image = draw_model_view(rng, model)
     image += rng.normal(0.0, 0.5, image.shape)
     image[:5] += 40.0
     by_model = estimate_pose(image, board, camera=model)
     by_camera = estimate_pose(image, board, camera=camera)
-    found, expected = by_model.model.camera_from_board, by_camera.model.camera_from_board
-    assert rotation_angle_rad(found.rotation, expected.rotation) < 1e-6
-    np.testing.assert_allclose(found.translation, expected.translation, atol=1e-6)
+    result, expected = by_model.model.camera_from_board, by_camera.model.camera_from_board
+    assert rotation_angle_rad(result.rotation, expected.rotation) < 1e-6
+    np.testing.assert_allclose(result.translation, expected.translation, atol=1e-6)
     np.testing.assert_allclose(by_model.covariance, by_camera.covariance, rtol=1e-3, atol=1e-12)
     np.testing.assert_array_equal(by_model.inliers, by_camera.inliers)
     assert not by_model.inliers[:5].any()
 
 
-def test_a_pixel_that_the_model_has_no_ray_for_is_an_outlier():
+def test_a_pixel_without_a_ray_is_an_outlier():
     # ρ (1 - ρ² / 3) turns back at ρ = 1, where it is 2/3: 600 px from the centre.
     model = CameraInfoModel('plumb_bob', (-1 / 3, 0, 0, 0), (900.0, 900.0), CENTER, 0.0, SIZE)
-    _, board, image = drawn_view(np.random.default_rng(4), model)
+    _, board, image = draw_model_view(np.random.default_rng(4), model)
     image[7] = CENTER[0] + 620.0, CENTER[1]
     estimate = estimate_pose(image, board, camera=model)
     assert estimate.inliers.sum() == 39
     assert not estimate.inliers[7]
-    blind = np.tile([CENTER[0] + 620.0, CENTER[1]], (40, 1))
-    nothing = estimate_pose(blind, board, camera=model)
-    assert nothing.model is None
-    assert nothing.status is Status.NO_SOLUTION
-    assert nothing.inliers.shape == (40,)
+    without_rays = np.tile([CENTER[0] + 620.0, CENTER[1]], (40, 1))
+    unsolved = estimate_pose(without_rays, board, camera=model)
+    assert unsolved.model is None
+    assert unsolved.status is Status.NO_SOLUTION
+    assert unsolved.inliers.shape == (40,)
 
 
 @pytest.mark.parametrize(
-    ('image', 'board', 'complaint'),
+    ('image', 'board', 'message'),
     [
         (np.zeros((3, 2)), np.zeros((3, 2)), 'image_points must be at least 4, got 3'),
         (np.zeros((4, 3)), np.zeros((4, 2)), 'image_points must have shape'),
@@ -116,6 +116,6 @@ def test_a_pixel_that_the_model_has_no_ray_for_is_an_outlier():
         (np.full((4, 2), np.nan), np.zeros((4, 2)), 'image_points must be finite'),
     ],
 )
-def test_bad_input_is_refused(image, board, complaint):
-    with pytest.raises(ValueError, match=complaint):
+def test_invalid_arguments_are_rejected(image, board, message):
+    with pytest.raises(ValueError, match=message):
         estimate_pose(image, board, camera=PLUMB_BOB)

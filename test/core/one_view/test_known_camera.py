@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``estimate_pose`` with a known camera: pose alone, and the flip."""
+"""``estimate_pose`` with a known camera: the pose alone, and its mirror image."""
 
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, Pose
@@ -11,7 +11,7 @@ import pytest
 
 
 @pytest.mark.parametrize('n', [4, 5, 6, 24, 100])
-def test_a_known_camera_leaves_the_pose(n, sample):
+def test_with_a_known_camera_only_the_pose_is_estimated(n, sample):
     rng = np.random.default_rng(8)
     angles = []
     for _ in range(sample(40, 3)):
@@ -23,12 +23,14 @@ def test_a_known_camera_leaves_the_pose(n, sample):
         assert estimate.model.camera is drawn.camera
         np.testing.assert_array_equal(estimate.covariance[6:], 0.0)
         truth = drawn.camera_from_board.rotation
-        found = [estimate.model, *estimate.alternatives]
-        angles.append(min(rotation_angle_rad(s.camera_from_board.rotation, truth) for s in found))
+        solutions = [estimate.model, *estimate.alternatives]
+        angles.append(
+            min(rotation_angle_rad(s.camera_from_board.rotation, truth) for s in solutions)
+        )
     assert np.median(angles) < np.radians(1.0)
 
 
-def test_a_known_wide_lens_is_exact():
+def test_the_pose_by_a_known_wide_lens_is_exact():
     camera = DivisionCamera(350.0, (639.5, 479.5), -0.25, -0.02, 0.001)
     pose = Pose.from_rotation_vector([2.6, 0.3, -0.2], [0.1, -0.2, 0.8])
     board = np.random.default_rng(9).uniform(-0.5, 0.5, (20, 2))
@@ -54,8 +56,8 @@ def test_a_far_marker_has_two_poses_and_a_near_one_has_one():
         image = camera.project(pose.transform(np.column_stack([grid, np.zeros(len(grid))])))
         image += rng.normal(0.0, 0.3, image.shape)
         estimate = estimate_pose(image, grid, camera=camera)
-        found = [estimate.model, *estimate.alternatives]
-        counts[distance] = len(found)
-        nearest = min(rotation_angle_rad(s.camera_from_board.rotation, tilted) for s in found)
+        solutions = [estimate.model, *estimate.alternatives]
+        counts[distance] = len(solutions)
+        nearest = min(rotation_angle_rad(s.camera_from_board.rotation, tilted) for s in solutions)
         assert nearest < np.radians(12.0)
     assert counts == {3.0: 2, 0.3: 1}

@@ -29,12 +29,12 @@ CAMERAS = {
 }
 
 
-def scene(camera, near=0.7):
-    """Make image points 3 px off, board points and the row of the truth."""
-    pose = Pose.from_rotation_vector([2.5, 0.4, -0.3], [0.3, -0.2, near])
+def scene(camera, distance=0.7):
+    """Return image points with errors up to 3 px, board points, and the true row."""
+    pose = Pose.from_rotation_vector([2.5, 0.4, -0.3], [0.3, -0.2, distance])
     board = np.random.default_rng(0).uniform(-0.5, 0.5, (12, 2))
-    seen = camera.project(pose.transform(np.column_stack([board, np.zeros(12)])))
-    image = seen + np.random.default_rng(1).uniform(-3.0, 3.0, seen.shape) - CENTER_PX
+    projected = camera.project(pose.transform(np.column_stack([board, np.zeros(12)])))
+    image = projected + np.random.default_rng(1).uniform(-3.0, 3.0, projected.shape) - CENTER_PX
     row = np.empty(ROW_SIZE)
     row[:TRANSLATION] = pose.rotation.ravel()
     row[TRANSLATION:G] = pose.translation
@@ -42,8 +42,8 @@ def scene(camera, near=0.7):
     return image, board, row
 
 
-def moved(row, column, step):
-    """Move a row along one unknown, as the optimiser does."""
+def stepped(row, column, step):
+    """Return a row after a step in one unknown, as the optimiser takes it."""
     out = row.copy()
     if column < 3:
         turn = np.zeros(3)
@@ -63,10 +63,10 @@ def residual(row, problem, i):
 
 @pytest.mark.parametrize('name', CAMERAS)
 @pytest.mark.parametrize('known', [False, True], ids=['free', 'known'])
-def test_jacobian_is_the_derivative(name, known):
+def test_the_jacobian_is_the_derivative_of_the_residual(name, known):
     camera = CAMERAS[name]
-    # Nearer: the wide lens then sees points behind its image plane.
-    image, board, row = scene(camera, near=0.15 if camera.k < -0.5 else 0.7)
+    # At that distance the wide lens sees points behind its image plane.
+    image, board, row = scene(camera, distance=0.15 if camera.k < -0.5 else 0.7)
     problem = (
         known_problem(image, board, GATES, camera) if known else free_problem(image, board, GATES)
     )
@@ -77,30 +77,30 @@ def test_jacobian_is_the_derivative(name, known):
             size = 1.0 if column < 6 else abs(row[G]) if column == 6 else 1.0 / row[G]
             step = 1e-6 * size
             difference = (
-                residual(moved(row, column, step), problem, i)
-                - residual(moved(row, column, -step), problem, i)
+                residual(stepped(row, column, step), problem, i)
+                - residual(stepped(row, column, -step), problem, i)
             ) / (2.0 * step)
             scale = max(1.0, np.abs(difference).max())
             np.testing.assert_allclose(jacobian[:, column], difference, atol=2e-6 * scale)
 
 
 @pytest.mark.parametrize('name', CAMERAS)
-def test_error_is_the_cameras_reprojection(name):
+def test_the_squared_error_is_that_of_the_cameras_projection(name):
     camera = CAMERAS[name]
-    image, board, row = scene(camera, near=0.15 if camera.k < -0.5 else 0.7)
+    image, board, row = scene(camera, distance=0.15 if camera.k < -0.5 else 0.7)
     pose = Pose(row[:TRANSLATION].reshape(3, 3), row[TRANSLATION:G])
-    seen = camera.project(pose.transform(np.column_stack([board, np.zeros(12)])))
-    expected = np.sum((seen - image - CENTER_PX) ** 2, axis=1)
+    projected = camera.project(pose.transform(np.column_stack([board, np.zeros(12)])))
+    expected = np.sum((projected - image - CENTER_PX) ** 2, axis=1)
     free = free_problem(image, board, GATES)
     errors = [squared_error(row, free, i) for i in range(12)]
     np.testing.assert_allclose(errors, expected, rtol=1e-9)
-    # By its rays a known camera's error is of first order: 3 px off leaves it within percents.
+    # A known camera's error is a first-order approximation, within percents at 3 px.
     known = known_problem(image, board, GATES, camera)
     errors = [squared_error(row, known, i) for i in range(12)]
     np.testing.assert_allclose(np.sqrt(errors), np.sqrt(expected), rtol=0.05)
 
 
-def test_what_is_not_seen_is_infinitely_wrong():
+def test_a_point_behind_the_camera_has_an_infinite_error():
     image, board, row = scene(CAMERAS['pinhole'])
     row[TRANSLATION + 2] = -5.0
     camera = CAMERAS['pinhole']
