@@ -9,12 +9,10 @@ from hypothesis import strategies as st
 from laws import law
 from lenses import CENTER, MODELS, pixels, SIZE
 import numpy as np
-from numpy.polynomial import polynomial as poly
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.cameras.closest_division import division_camera_from_model
 from p4pfr_ros.core.cameras.division import closed_form
-from p4pfr_ros.core.linalg import smallest_positive_root
 import pytest
 
 over_models = pytest.mark.parametrize('model', MODELS.values(), ids=MODELS)
@@ -142,24 +140,6 @@ def test_extreme_coefficients_raise_no_error(kind, size):
         model = CameraInfoModel(kind, d, (500.0, 500.0), CENTER, 0.0, SIZE)
         assert model.project(model.unproject(pixels(20))).shape == (25, 2)
         division_camera_from_model(model)
-
-
-@pytest.mark.parametrize(
-    ('polynomial', 'root'),
-    [
-        (poly.polyfromroots([-1.0, 2.0, 3.0]), 2.0),
-        (poly.polyfromroots([-1.0, -2.0]), np.inf),
-        ([1.0, 0.0, 1.0], np.inf),
-        # They touch the axis, and that is a fold: computed, the roots are a hair off the axis.
-        ([1.0, -2.0, 1.0], 1.0),
-        (poly.polyfromroots([0.7, 0.7, 2.0]), 0.7),
-        ([1.0, 0.0, 0.0], np.inf),
-        ([1.0, -2.0, 0.0], 0.5),
-        ([1.0, np.inf], 0.0),
-    ],
-)
-def test_the_first_fold(polynomial, root):
-    assert smallest_positive_root(np.array(polynomial)) == pytest.approx(root)
 
 
 @pytest.mark.parametrize(
