@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Pose, focal length and distortion from one view of a flat marker or board. Never imports ROS.
+Pose, focal length and distortion from one view of a flat marker or board. Needs no ROS.
 
-The solver needs NumPy and Numba alone. ``detect`` (OpenCV), ``load_boards`` and
+The solver needs NumPy and Numba only. ``detect`` (OpenCV), ``load_boards`` and
 ``load_calibration`` (PyYAML) are imported on first use.
 """
 

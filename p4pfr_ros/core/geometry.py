@@ -2,9 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Rigid poses, and the arrays that all rooms share.
+Rigid poses, array types, and the checks of array arguments.
 
-A pose's name states its frames, ``target_from_source``, so that composition is checked by eye.
+The name of a pose states its frames, ``target_from_source``: in ``a_from_b @ b_from_c`` the inner
+frames must match.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ Mask = NDArray[np.bool_]
 Ints = NDArray[np.int64]
 ArrayType = TypeVar('ArrayType', bound='NDArray[Any]')
 
-# How far a rotation may be from RᵀR = I and still pass: what single precision leaves behind.
+# Largest accepted deviation of RᵀR from I: the rounding of single precision.
 _ORTHOGONALITY = 1e-6
 
 
-# A pose as a row of numbers in the kernels: the rotation row by row, then the translation.
+# In the kernels a pose is an array (12,): the rotation row by row, then the translation.
 TRANSLATION = 9
 POSE_SIZE = 12
 
@@ -55,8 +56,8 @@ class Pose:
     def __post_init__(self) -> None:
         rotation = as_points(self.rotation, 'rotation', (3, 3))
         translation = as_points(self.translation, 'translation', (3,))
-        away = np.abs(rotation.T @ rotation - np.eye(3)).max()
-        if not away < _ORTHOGONALITY or np.linalg.det(rotation) < 0.0:
+        deviation = np.abs(rotation.T @ rotation - np.eye(3)).max()
+        if not deviation < _ORTHOGONALITY or np.linalg.det(rotation) < 0.0:
             raise ValueError(f'rotation must be a rotation matrix, got {rotation.tolist()}')
         # A copy: the caller's array stays writeable, and cannot change the pose.
         object.__setattr__(self, 'rotation', read_only(rotation.copy()))
@@ -64,7 +65,7 @@ class Pose:
 
     @classmethod
     def unchecked(cls, rotation: Array, translation: Array) -> Pose:
-        """Make a pose of a kernel's arrays, which become read-only; ten times faster."""
+        """Make a pose from a kernel's arrays, which become read-only; ten times faster."""
         pose = object.__new__(cls)
         object.__setattr__(pose, 'rotation', read_only(rotation))
         object.__setattr__(pose, 'translation', read_only(translation))
@@ -90,7 +91,7 @@ class Pose:
 
     @classmethod
     def from_rotation_vector(cls, rotation_rad: ArrayLike, translation: ArrayLike) -> Pose:
-        """Make a pose of a rotation vector (axis times angle, radians) and a translation."""
+        """Make a pose from a rotation vector (axis times angle, radians) and a translation."""
         return cls(rotation_from_vector(rotation_rad), np.asarray(translation, dtype=np.float64))
 
     @classmethod
@@ -150,7 +151,7 @@ class Pose:
     @property
     def tilt_deg(self) -> float:
         """
-        The angle between the source's z axis and the direction against the target's z axis.
+        The angle between the source's z axis and the negative z axis of the target.
 
         For ``camera_from_board``: 0 if the board is parallel to the image and faces the camera, 90
         if it is seen edge-on, 180 if it is seen from behind.
@@ -161,8 +162,8 @@ class Pose:
     def quaternion_xyzw(self) -> Array:
         """Return the (4,) unit quaternion in ROS order, w ≥ 0."""
         (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self.rotation.tolist()
-        # 4 q qᵀ, written by R's entries. Its columns are all ∝ q; the one with the largest
-        # diagonal entry (at least 1, as the trace is 4) loses no digits.
+        # 4 q qᵀ in terms of the entries of R. Each column is a multiple of q; the one with the
+        # largest diagonal entry (at least 1, as the trace is 4) is accurate.
         columns = (
             (1.0 + xx - yy - zz, xy + yx, xz + zx, zy - yz),
             (xy + yx, 1.0 - xx + yy - zz, yz + zy, xz - zx),
@@ -201,7 +202,7 @@ def read_only(array: ArrayType) -> ArrayType:
 
 
 def fields_equal(a: Any, b: Any) -> bool:
-    """Compare two dataclasses, arrays among their fields by value; NaN equals NaN."""
+    """Compare two dataclasses field by field, arrays by value; NaN equals NaN."""
     return type(a) is type(b) and all(
         _same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a)
     )
@@ -218,13 +219,13 @@ def _numbers(values: Array) -> str:
 
 
 def as_image_points(values: ArrayLike, name: str, n: int | None = None) -> Array:
-    """Return pixels as (n, 2) doubles; OpenCV's (n, 1, 2) is accepted too. See `as_points`."""
+    """Return pixels as (n, 2) doubles; accept OpenCV's (n, 1, 2) too. Errors as `as_points`."""
     return as_points(_without_opencv_axis(values), name, (n, 2))
 
 
 def as_board_points(values: ArrayLike, name: str, n: int) -> Array:
     """
-    Return points of the plane Z = 0 as (n, 2) doubles; OpenCV's (n, 3) and (n, 1, 3) too.
+    Return points of the plane Z = 0 as (n, 2) doubles; accept OpenCV's (n, 3) and (n, 1, 3) too.
 
     Raises
     ------
@@ -263,17 +264,17 @@ def as_points(values: ArrayLike, name: str, shape: tuple[int | None, ...]) -> Ar
         array: Array = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ValueError(f'{name} must be numbers of shape {_text(shape)}: {error}') from None
-    if array.shape != shape and not _fits(array.shape, shape):
+    if array.shape != shape and not _matches(array.shape, shape):
         raise ValueError(f'{name} must have shape {_text(shape)}, got {_text(array.shape)}')
-    # The sum of squares is not finite if a number is not, or if one is huge: then check each.
+    # Fast check first: the sum of squares is not finite if a number is not, or if one is huge.
     if not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
         raise ValueError(f'{name} must be finite, got {_first_bad(array)}')
     return array
 
 
-def _fits(got: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
-    return len(got) == len(wanted) and all(
-        want is None or want == have for want, have in zip(wanted, got, strict=True)
+def _matches(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    return len(shape) == len(expected) and all(
+        length is None or length == n for length, n in zip(expected, shape, strict=True)
     )
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Small algebra: elimination, information matrices and rotations in kernels; polynomial roots."""
+"""Elimination, inversion of information matrices and rotations in kernels; polynomial roots."""
 
 from __future__ import annotations
 
@@ -13,23 +13,26 @@ from numpy.polynomial import polynomial as poly
 from .geometry import Array
 from .jit import jit, kernel
 
-# A pair of roots this close to the real axis means a slope that all but vanishes.
+# Roots with a relative imaginary part up to this count as real: rounding splits a double root
+# into a complex pair.
 _NEARLY_REAL = 1e-7
+
+# Coefficients below this share of the largest one count as zero.
 _NEGLIGIBLE = 1e-60
 
-# Added to the diagonal of an information matrix that is scaled to ones there, so that it can be
-# inverted whatever it lacks. Rounding of the scaled matrix is some 1e-15; information of that size
-# or less does not exist, and 1e-13 shortens a true variance by 10 % only where it is 1e12 times
-# that of the other quantities.
-_NO_INFORMATION = 1e-13
+# Ridge added to an information matrix whose diagonal is scaled to ones, so that it can always be
+# inverted. It exceeds rounding (some 1e-15), which must not pass for information, and reduces a
+# variance by 1 % where the smallest eigenvalue is 1e-11, by 10 % where it is 1e-12.
+_RIDGE = 1e-13
 
 
 @kernel
 def solve_in_place(system: Array, n: int) -> bool:
     """
-    Solve n equations by elimination with row pivots; the solution replaces column n.
+    Solve n equations by elimination with row pivots; return False if the matrix is singular.
 
-    system is (≥ n, ≥ n + 1): the matrix, and in column n the right side. False: it is singular.
+    system (≥ n, ≥ n + 1) holds the matrix, and in column n the right side, which the solution
+    replaces.
     """
     for j in range(n):
         pivot = j
@@ -40,9 +43,9 @@ def solve_in_place(system: Array, n: int) -> bool:
             return False
         if pivot != j:
             for column in range(j, n + 1):
-                kept = system[j, column]
+                entry = system[j, column]
                 system[j, column] = system[pivot, column]
-                system[pivot, column] = kept
+                system[pivot, column] = entry
         inverse = 1.0 / system[j, j]
         for i in range(j + 1, n):
             factor = system[i, j] * inverse
@@ -67,7 +70,7 @@ def invert_information(information: Array, n: int, system: Array, inverse: Array
         for a in range(n):
             for b in range(n):
                 system[a, b] = information[a, b] / _scale(information, a, b)
-            system[a, a] += _NO_INFORMATION
+            system[a, a] += _RIDGE
             system[a, n] = 1.0 if a == j else 0.0
         solve_in_place(system, n)
         for a in range(n):
@@ -76,7 +79,7 @@ def invert_information(information: Array, n: int, system: Array, inverse: Array
 
 @kernel
 def _scale(information: Array, a: int, b: int) -> float:
-    """Return the root of two diagonal entries' product; 1 if there is no information."""
+    """Return √(product of two diagonal entries); 1 if one of them has no information."""
     product = information[a, a] * information[b, b]
     return math.sqrt(product) if product > 0.0 else 1.0
 
@@ -98,7 +101,7 @@ def copy_row(source: Array, target: Array) -> None:
 
 @kernel
 def rotate(rotation: Array, wx: float, wy: float, wz: float, out: Array) -> None:
-    """Rotate a rotation (nine numbers, row by row) by ω, radians in the target frame."""
+    """Write a rotation (9,), row by row, rotated by ω, radians in the target frame."""
     # The quaternion of the angle 2 atan(|ω|/2) agrees with exp(ω) to second order, enough for a
     # step of least squares, and is a rotation to rounding for every ω.
     s = 1.0 / (1.0 + 0.25 * (wx * wx + wy * wy + wz * wz)) ** 0.5
@@ -115,7 +118,11 @@ def rotate(rotation: Array, wx: float, wy: float, wz: float, out: Array) -> None
 
 
 def smallest_positive_root(polynomial: Array) -> float:
-    """Return it, of ascending coefficients; infinite if there is none, 0 if one is not finite."""
+    """
+    Return the smallest positive root of a polynomial, given by ascending coefficients.
+
+    Infinite if there is none; 0 if a coefficient is not finite.
+    """
     if not np.isfinite(polynomial).all():
         return 0.0
     size = np.abs(polynomial)

@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Options that describe themselves: default, range and description stand once, at the field.
+Fields of options dataclasses: default, range and description are stated once, at the field.
 
-The ROS parameters and the command line take all three from here.
+The ROS parameters and the command line take all three from there.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from typing import Any
 @dataclasses.dataclass(frozen=True, slots=True)
 class Option:
     """
-    What a field of an options dataclass means.
+    The description and the range of a field of an options dataclass.
 
     description
-        One or two sentences, for people.
+        One or two sentences.
     low, high
         The range of its values, both ends included.
     """
@@ -30,15 +30,15 @@ class Option:
 
 
 def option(default: Any, description: str, *, low: float, high: float) -> Any:
-    """Make a field of an options dataclass; a default of None means that no value is given."""
+    """Make a field of an options dataclass; with a default of None it is optional."""
     return dataclasses.field(default=default, metadata={'option': Option(description, low, high)})
 
 
 def option_of(options: Any, name: str) -> Option:
     """Return the description and the range of a field of an options dataclass."""
-    [found] = (f.metadata['option'] for f in dataclasses.fields(options) if f.name == name)
-    assert isinstance(found, Option)
-    return found
+    [result] = (f.metadata['option'] for f in dataclasses.fields(options) if f.name == name)
+    assert isinstance(result, Option)
+    return result
 
 
 def check_ranges(options: Any) -> None:

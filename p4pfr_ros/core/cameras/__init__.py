@@ -1,4 +1,4 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Camera models: numbers to rays and back."""
+"""Camera models: pixels to rays and back."""

@@ -4,8 +4,8 @@
 """
 ``CameraInfoModel``: a camera in a model of sensor_msgs/CameraInfo, computed as in OpenCV.
 
-Each lens is a map between rays and the plane of unit focal length. The map is one to one up to its
-first fold, and NaN beyond it: a polynomial that turns back would show one direction twice.
+Each lens maps rays to the plane of unit focal length. The map is one to one up to its first fold,
+and NaN beyond it: where the polynomial decreases, two rays would have the same pixel.
 """
 
 from __future__ import annotations
@@ -21,15 +21,16 @@ from numpy.typing import ArrayLike
 from ..geometry import Array, as_points
 from ..linalg import smallest_positive_root
 
-# Number of coefficients of each model. A plumb_bob of four is one of five with k3 = 0.
+# Number of coefficients of each model. A plumb_bob with four has k3 = 0.
 COEFFICIENTS = {'plumb_bob': 5, 'rational_polynomial': 8, 'equidistant': 4}
 
 _TABLE_SIZE = 1024
 _MAX_STEPS = 20
 # In the plane of unit focal length: 1e-10 px at a focal length of 1000 px.
 _CONVERGED = 1e-13
-# A ray nearer than this to 90 degrees has no place on a plane in front of the camera.
+# A ray closer to 90 degrees than this does not reach the plane in front of the camera.
 _NEARLY_SIDEWAYS_RAD = 1e-6
+# A rational polynomial is used up to this share of its pole.
 _BEFORE_POLE = 1.0 - 1e-9
 
 
@@ -110,12 +111,12 @@ class CameraInfoModel:
                 f'distortion_model must be one of {", ".join(COEFFICIENTS)}, '
                 f'got {self.distortion_model!r}'
             )
-        wanted = COEFFICIENTS[self.distortion_model]
+        expected = COEFFICIENTS[self.distortion_model]
         given = tuple(float(c) for c in self.coefficients)
-        if self.distortion_model == 'plumb_bob' and len(given) == wanted - 1:
+        if self.distortion_model == 'plumb_bob' and len(given) == expected - 1:
             given = (*given, 0.0)
-        if len(given) != wanted:
-            counts = f'4 or {wanted}' if self.distortion_model == 'plumb_bob' else f'{wanted}'
+        if len(given) != expected:
+            counts = f'4 or {expected}' if self.distortion_model == 'plumb_bob' else f'{expected}'
             raise ValueError(
                 f'coefficients must be {counts} of {self.distortion_model}, got {len(given)}'
             )
@@ -132,7 +133,7 @@ def corner_radius_px(image_size: tuple[float, float], center_px: tuple[float, fl
 
 
 class LensMap(Protocol):
-    """A lens about its axis, without focal length and centre."""
+    """A lens, without focal length and centre."""
 
     def distort(self, rays: Array) -> Array:
         """Map rays (N, 3) to the plane (N, 2); NaN beyond the fold."""
@@ -149,9 +150,9 @@ class LensMap(Protocol):
 
 class _PolynomialLens:
     """
-    OpenCV's lens: plumb_bob (k1 k2 p1 p2 k3) and rational_polynomial (and k4 k5 k6).
+    OpenCV's lens: plumb_bob (k1 k2 p1 p2 k3) and rational_polynomial (with k4 k5 k6 in addition).
 
-    With (x, y) = (X, Y) / Z and q = x² + y² the point of the plane is
+    With (x, y) = (X, Y) / Z and q = x² + y², a ray (X, Y, Z) meets the plane in
 
         (x, y) N(q) / D(q) + (2 p1 x y + p2 (q + 2 x²), p1 (q + 2 y²) + 2 p2 x y),
         N = 1 + k1 q + k2 q² + k3 q³,    D = 1 + k4 q + k5 q² + k6 q³.
@@ -190,8 +191,8 @@ class _PolynomialLens:
                     break
                 step = np.stack([d * ex - b * ey, a * ey - b * ex], axis=1)
                 flat = flat + step / (a * d - b * b)[:, None]
-            missed = np.abs(self._forward(flat)[0] - points).max(axis=1, keepdims=True)
-            close = missed <= 10.0 * _CONVERGED * np.maximum(1.0, radius)
+            error = np.abs(self._forward(flat)[0] - points).max(axis=1, keepdims=True)
+            close = error <= 10.0 * _CONVERGED * np.maximum(1.0, radius)
             flat = self._within(flat, np.where(close, flat, np.nan))
         rays = np.column_stack([flat, np.ones(len(flat))])
         unit: Array = rays / np.linalg.norm(rays, axis=1, keepdims=True)
@@ -249,9 +250,9 @@ class _EquidistantLens:
         rho = np.linalg.norm(rays[:, :2], axis=1, keepdims=True)
         angle = np.arctan2(rho, rays[:, 2:])
         with np.errstate(all='ignore'):
-            seen = (angle <= self._end_rad) & (angle < math.pi) & ((rho > 0.0) | (angle == 0.0))
+            visible = (angle <= self._end_rad) & (angle < math.pi) & ((rho > 0.0) | (angle == 0.0))
             scale = np.where(rho > 0.0, self.radii(angle) / rho, 0.0)
-        points: Array = rays[:, :2] * np.where(seen, scale, np.nan)
+        points: Array = rays[:, :2] * np.where(visible, scale, np.nan)
         return points
 
     def undistort(self, points: Array) -> Array:
@@ -260,10 +261,10 @@ class _EquidistantLens:
         with np.errstate(all='ignore'):
             angle = _angle_table(self, self._end_rad, radius)
             for _ in range(_MAX_STEPS):
-                missed = radius - self.radii(angle)
-                if not (np.abs(missed) > _CONVERGED).any():
+                error = radius - self.radii(angle)
+                if not (np.abs(error) > _CONVERGED).any():
                     break
-                angle = angle + missed / poly.polyval(angle**2, self._slope)
+                angle = angle + error / poly.polyval(angle**2, self._slope)
             close = np.abs(radius - self.radii(angle)) <= 10.0 * _CONVERGED
             angle = np.where(close & (angle <= self._end_rad), angle, np.nan)
             scale = np.where(radius > 0.0, np.sin(angle) / radius, 1.0)
@@ -282,7 +283,7 @@ def lens_map(distortion_model: str, coefficients: tuple[float, ...]) -> LensMap:
 
 
 def _angle_table(lens: LensMap, end_rad: float, radius: Array) -> Array:
-    """Look up the angle of a radius, as a start for Newton's method."""
+    """Interpolate the angles of radii, the start of Newton's method."""
     angles = np.linspace(0.0, end_rad, _TABLE_SIZE)
     table: Array = np.interp(radius, lens.radii(angles), angles)
     return table

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-CameraInfo to division model: the division camera closest to one calibrated in another model.
+Conversion from a CameraInfo model to the closest division camera.
 
-This module stands alone because DivisionCamera converts the other way: in one file with
-CameraInfoModel the two would import each other.
+This module stands alone because ``division`` converts the other way: in ``camera_info`` the two
+modules would import each other.
 """
 
 from __future__ import annotations
@@ -29,27 +29,27 @@ def division_camera_from_model(model: CameraInfoModel) -> tuple[DivisionCamera, 
     """
     Return the division camera closest to a model, and its largest error, px.
 
-    The residual is over the pixels of the image that the model has rays for, so it includes what
-    the division model lacks: fx ≠ fy and tangential terms. The camera has the smallest number of
-    terms within 0.1 px. The residual is infinite if no division camera sees the whole image.
+    The error is the largest over the pixels that have a ray, so it includes fx ≠ fy and tangential
+    terms, which a division camera cannot represent. The camera has the smallest number of terms
+    with an error of at most 0.1 px. The error is infinite if no division camera covers the image.
     """
     focal_px = math.sqrt(model.focal_px[0] * model.focal_px[1])
     angle, p = _radial_profile(model, focal_px)
     pixels = _pixels(model.image_size)
     rays = model.unproject(pixels)
-    found: list[tuple[float, int, DivisionCamera]] = []
+    candidates: list[tuple[float, int, DivisionCamera]] = []
     for terms in range(1, _TERMS + 1):
         camera = _fitted(angle, p, terms, model.center_px, focal_px)
         if camera is None:
             continue
-        away_px = np.linalg.norm(camera.project(rays) - pixels, axis=1)[~np.isnan(rays[:, 2])]
-        residual_px = float(np.nan_to_num(away_px, nan=np.inf).max(initial=0.0))
-        found.append((residual_px, terms, camera))
+        error_px = np.linalg.norm(camera.project(rays) - pixels, axis=1)[~np.isnan(rays[:, 2])]
+        residual_px = float(np.nan_to_num(error_px, nan=np.inf).max(initial=0.0))
+        candidates.append((residual_px, terms, camera))
         if residual_px <= _GOOD_ENOUGH_PX:
             break
-    if not found:
+    if not candidates:
         return DivisionCamera(focal_px, model.center_px), math.inf
-    residual_px, _, camera = min(found)
+    residual_px, _, camera = min(candidates)
     return camera, residual_px
 
 
@@ -68,10 +68,10 @@ def _radial_profile(model: CameraInfoModel, focal_px: float) -> tuple[Array, Arr
 def _fitted(
     angle: Array, p: Array, terms: int, center_px: tuple[float, float], focal_px: float
 ) -> DivisionCamera | None:
-    """Fit  f + f k (p/f)² + ... = p cot θ,  which is linear, weighted to be in pixels."""
+    """Fit  f + f k (p/f)² + ... = p cot θ,  a linear problem, with errors weighted to pixels."""
     if len(angle) <= terms + 1:
         return None
-    # A change of p at the same angle, by a change G of the left side:  sin²θ / (p θ') G.
+    # A change G of the left side changes p at the same angle by  sin²θ / (p θ') G.
     with np.errstate(all='ignore'):
         weight = np.sin(angle) ** 2 / (p * np.gradient(angle, p))
     powers = (p[:, None] / focal_px) ** (2.0 * np.arange(terms + 1))

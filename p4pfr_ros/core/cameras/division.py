@@ -5,8 +5,8 @@
 ``DivisionCamera``: the division model of a lens with radial distortion, one to three terms.
 
 The pixel at the distance r from the centre (in focal lengths) sees the ray (r, w) in the plane of
-the optical axis, with  w(r²) = 1 + k r² + k2 r⁴ + k3 r⁶.  Below the class stand that polynomial,
-the projection, and the conversion to the closest model of CameraInfo.
+the optical axis, with  w(r²) = 1 + k r² + k2 r⁴ + k3 r⁶.  The functions below the class are that
+polynomial, the projection, and the conversion to the closest CameraInfo model.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from ..linalg import smallest_positive_root
 # k, k2, k3.
 Terms = tuple[float, float, float]
 
-# The projection by two or three terms has no closed form: a table, then Newton's steps.
+# With two or three terms the projection has no closed form: a table, then Newton's method.
 _TABLE_SIZE = 1024
 _NEWTON_STEPS = 4
 
-# With a larger residual, px, the equidistant model is tried too.
+# With a larger residual, px, the equidistant model is fitted too.
 _GOOD_ENOUGH_PX = 0.1
 _SAMPLES = 300
 _MEASURED = 4000  # radii at which the residual is measured
-# Least Z over the distance to the axis: rays closer to 90 degrees reach no plane in front.
+# Smallest Z / ρ of a ray: closer to 90 degrees it hardly reaches the plane in front.
 _SIDEWAYS = 0.01
 
 _MAX_STEPS = 60
-_EXACT_PX = 1e-6  # far below any image's noise: the fit stops
-_STILL_FALLING = 1e-3  # of the cost, for another step to be worth it
+_EXACT_PX = 1e-6  # far below the noise of any image: the fit ends
+_STILL_FALLING = 1e-3  # smallest relative decrease of the cost for another step
 _START_DAMPING, _MAX_DAMPING = 1e-3, 1e6
 
 
@@ -88,7 +88,7 @@ class DivisionCamera:
     def unchecked(
         cls, focal_px: float, center_px: tuple[float, float], k: float
     ) -> DivisionCamera:
-        """Make a camera of numbers that a kernel has checked; ten times faster."""
+        """Make a camera from numbers that a kernel has checked; ten times faster."""
         camera = object.__new__(cls)
         for name, value in (('focal_px', focal_px), ('center_px', center_px), ('k', k)):
             object.__setattr__(camera, name, value)
@@ -180,7 +180,7 @@ class DivisionCamera:
 def _closed_form_scale(k: float, rho2: Array, z: Array) -> Array:
     """Return |d| / ρ by the one-parameter model; NaN if no pixel sees the point."""
     # d = s xy on the ray (d, 1 + k |d|²) gives  k ρ² s² - z s + 1 = 0. Of its two roots this one
-    # is the continuous one through k = 0. Each form keeps its digits on its own side of z = 0.
+    # is continuous at k = 0. Each of its two forms avoids cancellation on one side of z = 0.
     with np.errstate(divide='ignore', invalid='ignore'):
         root = np.sqrt(z**2 - 4.0 * k * rho2)  # NaN outside the domain
         s = np.where(z < 0.0, (z - root) / (2.0 * k * rho2), 2.0 / (z + root))
@@ -196,7 +196,7 @@ def _ray_depth(r2: Array, terms: Terms) -> Array:
 
 
 def _fold_radius(terms: Terms) -> float:
-    """Return the radius up to which the rays turn outwards; infinite if they do everywhere."""
+    """Return the radius up to which the angle to the axis grows; infinite if it always does."""
     k, k2, k3 = terms
     # The angle atan2(r, w) grows with r while  w - r w' = 1 - k r² - 3 k2 r⁴ - 5 k3 r⁶ > 0.
     return math.sqrt(smallest_positive_root(np.array([1.0, -k, -3.0 * k2, -5.0 * k3])))
@@ -206,9 +206,9 @@ def _fit_camera_info_model(camera: DivisionCamera, image_size: tuple[int, int]) 
     """
     Return the CameraInfo model closest to a division camera.
 
-    With the optical axis in the centre, a lens is one function of one number: the radius r of a
-    pixel over the undistorted radius ρ, or over the angle θ, of its ray. Both fits minimise pixels
-    over the rays out to the image's corners. docs/derivation.md has the closed form.
+    A lens about its axis is a function of one variable: the radius r of a pixel as a function of
+    the undistorted radius ρ, or of the angle θ, of its ray. Both fits minimise errors in pixels
+    over the rays of the image. docs/derivation.md has the closed form.
     """
     rays = _VisibleRays.of(camera, image_size)
     # Dense at the rim like Chebyshev nodes, which nearly minimises the largest residual.
@@ -224,7 +224,7 @@ def _fit_camera_info_model(camera: DivisionCamera, image_size: tuple[int, int]) 
 
 
 def closed_form(k: float) -> tuple[float, ...]:
-    """Return D of the rational_polynomial that agrees with r(ρ) up to the order ρ¹³."""
+    """Return D of the rational_polynomial that agrees with r(ρ) up to ρ¹³, for one term k."""
     return (-5.0 * k, 6.0 * k**2, 0.0, 0.0, -(k**3), -6.0 * k, 10.0 * k**2, -4.0 * k**3)
 
 
@@ -254,20 +254,20 @@ class _VisibleRays:
         r = np.linspace(0.0, self.end, _MEASURED)
         rays = np.stack([r, np.zeros_like(r), self.depth(r)], axis=1)
         x_px = lens_map(distortion_model, coefficients).distort(rays)[:, 0] * f + c[0]
-        away_px = np.abs(x_px - c[0] - f * r)
-        away_px[np.isnan(away_px)] = np.inf
-        residual_px = float(away_px.max())
+        error_px = np.abs(x_px - c[0] - f * r)
+        error_px[np.isnan(error_px)] = np.inf
+        residual_px = float(error_px.max())
         return CameraInfoModel(
             distortion_model, coefficients, (f, f), c, residual_px, self.image_size
         )
 
 
 def _fit_equidistant(rays: _VisibleRays, r: Array, angle_rad: Array) -> CameraInfoModel:
-    """Fit θ (1 + k1 θ² + ...), which is linear, with as many terms as stay monotonic."""
+    """Fit θ (1 + k1 θ² + ...), a linear problem, with the most terms that stay monotonic."""
     powers = angle_rad[:, None] ** [3, 5, 7, 9]
     for terms in (4, 3, 2, 1, 0):
-        found = np.linalg.lstsq(powers[:, :terms], r - angle_rad, rcond=None)[0]
-        model = rays.measured('equidistant', (*found.tolist(), *[0.0] * (4 - terms)))
+        fitted = np.linalg.lstsq(powers[:, :terms], r - angle_rad, rcond=None)[0]
+        model = rays.measured('equidistant', (*fitted.tolist(), *[0.0] * (4 - terms)))
         if model.residual_px < math.inf:
             break
     return model
@@ -275,7 +275,7 @@ def _fit_equidistant(rays: _VisibleRays, r: Array, angle_rad: Array) -> CameraIn
 
 def _fit_rational(k: float, r: Array, rho: Array, focal_px: float) -> tuple[float, ...]:
     """Refine the closed form over the image by Levenberg-Marquardt, in pixels."""
-    # In q = ρ² over its largest value, each coefficient is its effect at the image's corner.
+    # With q = ρ² over its largest value, each coefficient is its effect at the image's corner.
     farthest2 = float(rho[-1]) ** 2
     powers = (rho[:, None] ** 2 / farthest2) ** [1, 2, 3]
     units = farthest2 ** np.array([1.0, 2.0, 3.0, 1.0, 2.0, 3.0])
@@ -287,12 +287,12 @@ def _fit_rational(k: float, r: Array, rho: Array, focal_px: float) -> tuple[floa
         cost = error @ error
         if cost < len(r) * _EXACT_PX**2 or not damping < _MAX_DAMPING:
             break
-        tried = at - _damped_step(jacobian, error, damping)
-        error_there, jacobian_there = _linearised(tried, powers, r, rho, focal_px)
-        if not error_there @ error_there < cost:
+        trial = at - _damped_step(jacobian, error, damping)
+        trial_error, trial_jacobian = _linearised(trial, powers, r, rho, focal_px)
+        if not trial_error @ trial_error < cost:
             damping *= 10.0
             continue
-        at, error, jacobian = tried, error_there, jacobian_there
+        at, error, jacobian = trial, trial_error, trial_jacobian
         damping /= 10.0
         if cost - error @ error < _STILL_FALLING * cost:
             break
@@ -315,7 +315,7 @@ def _linearised(
 
 
 def _damped_step(jacobian: Array, error: Array, damping: float) -> Array:
-    # By orthogonalisation: the six columns are nearly dependent, and JᵀJ would lose the digits.
+    # By lstsq on J itself: its six columns are nearly dependent, which JᵀJ would not resolve.
     scale = np.linalg.norm(jacobian, axis=0)
     scaled = np.vstack([jacobian / scale, math.sqrt(damping) * np.eye(6)])
     step: Array = np.linalg.lstsq(scaled, np.append(error, np.zeros(6)), rcond=None)[0] / scale

@@ -1,4 +1,4 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Views of one camera to its calibration."""
+"""Calibration of one camera from many views."""

@@ -5,10 +5,10 @@
 Bundle adjustment: Levenberg-Marquardt over one lens and the poses of all views.
 
 A pose belongs to one view and the lens to all, so JᵀJ is an arrow: a 6x6 block for each pose, a
-border of six columns for the lens. A view's part is one (13, 13) block with Jᵀr in the last
-column, [C B; Bᵀ A] by pose and lens with the gradients c and a. Solving its first row for the pose
-and inserting that into the second leaves the Schur complement  A - Bᵀ C⁻¹ B:  the view's
-information about the lens when its pose is unknown. The work is linear in the number of points.
+border of six columns for the lens. Each view has one (13, 13) block, with Jᵀr in the last column:
+[C B; Bᵀ A] by pose and lens, with the gradients c and a. Eliminating the pose by the first row
+leaves the Schur complement  A - Bᵀ C⁻¹ B,  the view's information about the lens when its pose is
+unknown, and the gradient  a - Bᵀ C⁻¹ c.  The time is linear in the number of points.
 """
 
 from __future__ import annotations
@@ -37,17 +37,16 @@ _FIRST_DAMPING = 1e-6
 _SMALLEST_DAMPING = 1e-12
 _LARGEST_DAMPING = 1e8
 
-
-# Damping of unknowns without information, which then keep their values.
-_NO_INFORMATION = 1e-13
+# Relative ridge on the diagonal of C, so that it can be inverted if a pose is barely determined.
+_RIDGE = 1e-13
 
 
 class AdjustmentWork(NamedTuple):
     """
     Workspace for V views.
 
-    blocks (V, 13, 13): JᵀJ and Jᵀr of each view; solved (V, 6, 13): its pose as a function of the
-    lens.
+    blocks (V, 13, 13): JᵀJ and Jᵀr of each view; solved (V, 6, 13): C⁻¹ [B c], which gives the
+    step of its pose from that of the lens; reduced (6, 7): the equations of the lens.
     """
 
     blocks: Array
@@ -92,8 +91,8 @@ def adjust(
     Minimise the truncated cost over poses (V, 12) and lens (6,), in place; return it, px².
 
     order: number of free terms of k, k2, k3. The prior is weighted by the noise variance, so that
-    its squares are in px² too. The blocks of the last linearisation stay in ``work``; they are
-    those of the result within the tolerance.
+    its squared residuals are in px², too. ``work`` ends with the blocks of the last linearisation,
+    which are those of the result within the tolerance.
     """
     cost = _cost(stacked, poses, lens, prior, limit, math.inf)
     damping = _FIRST_DAMPING
@@ -141,19 +140,19 @@ def _cost(
     limit: float,
     enough: float,
 ) -> float:
-    of_prior = 0.0
+    prior_squares = 0.0
     for a in range(LENS_SIZE):
         for b in range(LENS_SIZE):
-            away = (lens[a] - prior.mean[a]) * (lens[b] - prior.mean[b])
-            of_prior += prior.information[a, b] * away
-    return of_prior + truncated_cost(stacked, poses, lens, limit, enough - of_prior)
+            product = (lens[a] - prior.mean[a]) * (lens[b] - prior.mean[b])
+            prior_squares += prior.information[a, b] * product
+    return prior_squares + truncated_cost(stacked, poses, lens, limit, enough - prior_squares)
 
 
 @jit
 def lens_equations(
     views: int, lens: Array, prior: WeightedPrior, damping: float, work: AdjustmentWork
 ) -> bool:
-    """Write the (6, 7) equations of the lens to work.reduced; False if a pose is undetermined."""
+    """Write the (6, 7) equations of the lens to work.reduced; False if a block is singular."""
     reduced = work.reduced
     for a in range(LENS_SIZE):
         gradient = 0.0
@@ -278,7 +277,7 @@ def squared_errors(stacked: StackedViews, poses: Array, lens: Array, squares: Ar
 def truncated_cost(
     stacked: StackedViews, poses: Array, lens: Array, limit: float, enough: float
 ) -> float:
-    """Sum the squared errors of all views, each truncated at limit; stop beyond enough."""
+    """Sum the squared errors of all views, each truncated at limit; infinite beyond enough."""
     total = 0.0
     for v in range(len(poses)):
         total += view_cost(stacked, v, poses[v], lens, limit)
@@ -327,7 +326,7 @@ def _factor(block: Array, damping: float, factor: Array) -> bool:
         for j in range(i + 1):
             total = block[i, j]
             if i == j:
-                total *= 1.0 + damping + _NO_INFORMATION
+                total *= 1.0 + damping + _RIDGE
             for m in range(j):
                 total -= factor[i, m] * factor[j, m]
             if i == j:

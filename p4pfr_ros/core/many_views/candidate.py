@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A view by the camera of a joint fit, and a new view before it is used.
+A new view, before it is used, and its evaluation with the camera of the joint fit.
 
-``ViewByFit`` has a view's information about the lens and its pose estimate by the fit's camera. A
-``Candidate`` compares that camera with one of the view's own.
+A ``Candidate`` is a new view that may agree with the fit or not. An ``EvaluatedView`` has the
+residuals of a view with the fit's camera, its information about the lens, and its pose covariance.
 """
 
 from __future__ import annotations
@@ -48,30 +48,31 @@ from ..one_view.results import (
     Status,
 )
 
-# A view's own noise is used if it is this many times the common variance: the view is blurred.
+# A blurred view has its own noise: used from this multiple of the variance of all views, and with
+# at least this many degrees of freedom.
 _NOISIER = 2.0
-_ENOUGH_TO_SPARE = 20
+_MIN_DOF = 20
 
-# A view agrees without further tests if this share of its points are inliers, and their squares
-# are no more than this multiple of the noise.
+# A view agrees without further tests if this share of its points are inliers, and their mean
+# squared error is at most this multiple of its expectation.
 _INLIER_RATIO = 0.85
 _SQUARES = 1.5
 
-# Two estimates of one camera cost more together than apart by χ² of its parameters, in variances
-# of the noise and of the views' scatter: more than thirty is no chance. No lens is exactly in the
-# model, so a view's squares may also grow by a quarter of the noise in each coordinate.
-_NO_CHANCE = 30.0
-_MODEL_SHARE = 0.5  # of a variance, for each point
+# If a view and the others have the same camera, a common fit costs more than separate ones by a χ²
+# of the camera's parameters (noise variance times scatter): at most this. No lens follows the
+# model exactly, so this share of the noise variance is tolerated in addition for each point.
+_LARGEST_CHI2 = 30.0
+_MODEL_SHARE = 0.5
 
 
 def disagrees(excess: float, points: int, fit: JointFit) -> bool:
-    """Return whether the excess cost, px², of a view by the fit's camera is more than chance."""
-    return excess > (_NO_CHANCE * fit.scatter + _MODEL_SHARE * points) * fit.variance
+    """Return whether the excess cost, px², of a view with the fit's camera is significant."""
+    return excess > (_LARGEST_CHI2 * fit.scatter + _MODEL_SHARE * points) * fit.variance
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A view, and the fit of the others with its camera. Properties are computed on demand."""
+    """A view, and the fit of the others with its camera; the properties are cached."""
 
     view: CenteredView
     fit: JointFit
@@ -81,20 +82,20 @@ class Candidate:
 
     @cached_property
     def known(self) -> PoseEstimate:
-        """The pose by the fit's camera."""
+        """The estimate with the fit's camera, taken as known."""
         return estimate_observation(self.view.observation, None, None, self.camera, self.robust)
 
     @cached_property
-    def by_fit(self) -> ViewByFit | None:
-        """The view by the fit's camera; None if that camera does not explain it."""
+    def evaluated(self) -> EvaluatedView | None:
+        """The view with the fit's camera; None if that camera gives no pose."""
         if self.known.model is None:
             return None
         row = self.view.observation.row_from_pose(self.known.model.camera_from_board)
-        return view_by_fit(self.view, row, self.fit)
+        return evaluate_view(self.view, row, self.fit)
 
     @cached_property
     def alone(self) -> PoseEstimate:
-        """The estimate from the view alone, apart from the optical centre."""
+        """The estimate from the view alone, but with the optical centre of the fit."""
         center_px = self.camera.center_px
         return estimate_observation(
             self.view.observation, self.image_size, center_px, None, self.robust
@@ -102,7 +103,7 @@ class Candidate:
 
     @cached_property
     def alone_row(self) -> Array | None:
-        """The scaled board's pose (12,) from the view alone; None if there is none."""
+        """The pose (12,) of the scaled board from the view alone; None if there is none."""
         model = self.alone.model
         if model is None:
             return None
@@ -110,14 +111,14 @@ class Candidate:
 
     @property
     def row(self) -> Array:
-        """The pose (12,) by the fit's camera, or else from the view alone."""
-        row = self.alone_row if self.by_fit is None else self.by_fit.row
-        assert row is not None, 'only for views that some camera explains'
+        """The pose (12,) with the fit's camera, or else from the view alone."""
+        row = self.alone_row if self.evaluated is None else self.evaluated.row
+        assert row is not None, 'only for explained views'
         return row
 
     @cached_property
     def own_cost(self) -> float:
-        """The cost of the view by a camera of its own, px², by the fit's limit; or infinite."""
+        """The cost of the view with its best camera, px², truncated at the fit's limit."""
         costs = [np.inf]
         model, row = self.alone.model, self.alone_row
         if model is not None and row is not None:
@@ -125,36 +126,36 @@ class Candidate:
             squares = np.empty(len(self.view.image))
             squared_errors(stacked_views([self.view]), row[None], lens, squares)
             costs.append(float(np.minimum(squares, self.fit.limit).sum()))
-        if self.by_fit is not None:
-            costs.append(self.by_fit.cost)
+        if self.evaluated is not None:
+            costs.append(self.evaluated.cost)
         return min(costs)
 
     @property
     def explained(self) -> bool:
-        """Whether any camera explains the view."""
-        return self.by_fit is not None or self.alone.model is not None
+        """Whether the view has a pose with any camera."""
+        return self.evaluated is not None or self.alone.model is not None
 
     @property
     def known_or_alone(self) -> PoseEstimate:
-        """The estimate by the fit's camera, or else from the view alone."""
+        """The estimate with the fit's camera, or else from the view alone."""
         return self.alone if self.known.model is None else self.known
 
     @cached_property
     def agrees(self) -> bool:
-        """Whether the fit's camera explains the view as well as any camera does."""
-        by_fit, fit = self.by_fit, self.fit
-        if by_fit is None:
+        """Whether the fit's camera explains the view about as well as a camera of its own."""
+        evaluated, fit = self.evaluated, self.fit
+        if evaluated is None:
             return False
-        many = by_fit.inliers >= _INLIER_RATIO * len(self.view.image)
-        if many and by_fit.inlier_squares <= _SQUARES * 2.0 * fit.variance * by_fit.inliers:
+        many = evaluated.inliers >= _INLIER_RATIO * len(self.view.image)
+        if many and evaluated.inlier_squares <= _SQUARES * 2.0 * fit.variance * evaluated.inliers:
             return True
-        return not disagrees(by_fit.cost - self.own_cost, len(self.view.image), fit)
+        return not disagrees(evaluated.cost - self.own_cost, len(self.view.image), fit)
 
     def estimate_alone(self, typical: LensPrior) -> PoseEstimate:
         """
         Estimate from the view alone, with an uncertain optical centre.
 
-        Four points are too few to estimate a centre; their result is ``alone``.
+        Four points are too few to estimate a centre: their result is ``alone``.
         """
         alone, row, view = self.alone, self.alone_row, self.view
         if alone.model is None or row is None or len(view.image) == 4:
@@ -164,18 +165,18 @@ class Candidate:
         prior = replace(typical, mean=mean)
         lens = lens_from_camera(alone.model.camera, view.center_px)
         fit = fit_views([view], row[None], lens, 1, prior, self.robust.sigma_px)
-        by_fit = view_by_fit(view, fit.poses[0], fit)
-        return estimate_by_fit(by_fit, alone, self.robust.threshold_px)
+        evaluated = evaluate_view(view, fit.poses[0], fit)
+        return estimate_from_view(evaluated, alone, self.robust.threshold_px)
 
 
 @dataclass(frozen=True, eq=False)
-class ViewByFit:
+class EvaluatedView:
     """
-    A view by the camera of a joint fit.
+    A view with a given pose and the camera of a joint fit.
 
-    row (12,), the pose of the scaled board; squares (N,), the squared errors, px²; inliers, the
-    number of them within the fit's limit, and inlier_squares, their sum; block (13, 13), the
-    normal equations by pose and lens.
+    row (12,): the pose of the scaled board; squares (N,): the squared errors, px²; inliers: the
+    number of them within the fit's limit, and inlier_squares: their sum; block (13, 13): the
+    normal equations of pose and lens, [C B; Bᵀ A] of ``bundle_adjustment``.
     """
 
     view: CenteredView
@@ -200,7 +201,7 @@ class ViewByFit:
 
     @cached_property
     def gradient(self) -> Array:
-        """The negative gradient (6,) by the lens, px², the pose eliminated."""
+        """The negative gradient (6,) of the lens, px², the pose eliminated."""
         across, _ = self._parts()
         by_residual = self.block[:RESIDUAL, RESIDUAL]
         at_pose = self._inverse @ by_residual[:POSE_COLUMNS]
@@ -223,7 +224,7 @@ class ViewByFit:
 
     @cached_property
     def _inverse(self) -> Array:
-        """C⁻¹, of the pose's part of the block."""
+        """C⁻¹ of the block."""
         return inverse_of_information(self.block[:POSE_COLUMNS, :POSE_COLUMNS])
 
     def _parts(self) -> tuple[Array, Array]:
@@ -233,19 +234,19 @@ class ViewByFit:
 
     def _noise(self) -> float:
         """Return the variance of a coordinate, px²."""
-        spare = 2 * self.inliers - POSE_COLUMNS
-        common = self.fit.posterior_variance
-        if spare < _ENOUGH_TO_SPARE:
-            return common
-        own = noise_variance(self.inlier_squares, spare, self.fit.limit)
-        return own if own > _NOISIER * self.fit.variance else common
+        dof = 2 * self.inliers - POSE_COLUMNS
+        of_fit = self.fit.posterior_variance
+        if dof < _MIN_DOF:
+            return of_fit
+        own = noise_variance(self.inlier_squares, dof, self.fit.limit)
+        return own if own > _NOISIER * self.fit.variance else of_fit
 
 
-def view_by_fit(view: CenteredView, row: Array, fit: JointFit) -> ViewByFit:
-    """Evaluate a view with a given pose (12,) by the fit's camera."""
+def evaluate_view(view: CenteredView, row: Array, fit: JointFit) -> EvaluatedView:
+    """Evaluate a view with a given pose (12,) and the fit's camera."""
     squares, block = np.empty(len(view.image)), np.empty((COLUMNS, COLUMNS))
     inliers, total = _evaluate(stacked_views([view]), row, fit.lens, fit.limit, squares, block)
-    return ViewByFit(view, fit, row, squares, inliers, total, block)
+    return EvaluatedView(view, fit, row, squares, inliers, total, block)
 
 
 @jit
@@ -264,13 +265,13 @@ def _evaluate(
     return inliers, total
 
 
-def estimate_by_fit(
-    evaluated: ViewByFit, known: PoseEstimate, threshold_px: float
+def estimate_from_view(
+    evaluated: EvaluatedView, known: PoseEstimate, threshold_px: float
 ) -> PoseEstimate:
     """
-    Return the result of a view by a fit's camera.
+    Return the public estimate of an evaluated view.
 
-    known: the estimate by that camera or one close to it, which has the alternatives.
+    known: the estimate with the same camera or one close to it, which has the alternatives.
     """
     view = evaluated.view
     camera = camera_from_lens(evaluated.fit.lens, view.center_px)
@@ -302,19 +303,18 @@ def pose_covariance(
     of_lens: Array,
     noise: float,
     row: Array,
-    board: tuple[float, float, float],
+    board_scale: tuple[float, float, float],
     covariance: Array,
 ) -> None:
     """
     Write the (8, 8) covariance of x, y, z, rotation x, y, z, focal_px, k.
 
-    block (13, 13): a view's normal equations by pose and lens; inverse (6, 6): C⁻¹ of the pose;
-    of_lens (6, 6): the covariance of the lens; noise: the variance of a coordinate, px²; row
-    (12,): the pose of the scaled board; board: the mean (x, y) subtracted from the board's points
-    (board units), and the size that divided them.
+    block (13, 13): normal equations [C B; Bᵀ A] of pose and lens; inverse (6, 6): C⁻¹; of_lens
+    (6, 6): the covariance of the lens; noise: the variance of a coordinate, px²; row (12,): the
+    pose of the scaled board; board_scale: see ``Observation``.
     """
-    # The pose follows the lens,  δ = F dθ,  F = -C⁻¹ B,  and has its own noise in addition:
-    #     cov(δ) = σ² C⁻¹ + F Λ Fᵀ,     cov(δ, θ) = F Λ.
+    # A change dθ of the lens, of covariance Λ, changes the pose by δ = F dθ,  F = -C⁻¹ B,  in
+    # addition to the noise:     cov(δ) = σ² C⁻¹ + F Λ Fᵀ,     cov(δ, θ) = F Λ.
     n = POSE_COLUMNS
     follows, with_lens = np.zeros((n, LENS_SIZE)), np.zeros((n, LENS_SIZE))
     for a in range(n):
@@ -336,6 +336,6 @@ def pose_covariance(
         covariance[at, n] = of_lens[i, FOCAL]
         covariance[at, n + 1] = of_lens[i, K]
     for j in range(n + 2):
-        pose_to_public(covariance[:, j], row, board)
+        pose_to_public(covariance[:, j], row, board_scale)
     for j in range(n + 2):
-        pose_to_public(covariance[j, :], row, board)
+        pose_to_public(covariance[j, :], row, board_scale)

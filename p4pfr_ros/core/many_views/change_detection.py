@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Detects that the camera has changed (zoom, focus), from its latest views together.
+Detects from the latest views together that the camera has changed (zoom, focus).
 
-This module stands alone because it is one statistical test, apart from the order in which
+This module stands alone because it is one statistical test, independent of the steps by which
 ``SelfCalibration`` handles a view.
 """
 
@@ -25,9 +25,9 @@ from ..model.prior import LensPrior
 # Number of latest informative views.
 _MEMORY = 10
 
-# Views that agree one by one may deviate together, after a turn of the focus ring: beyond this χ²
-# of the lens's four to six parameters it is no chance. Tested with at least this many views.
-_NO_CHANCE = 40.0
+# Views that agree individually may deviate together, after a turn of the focus ring: a χ² of the
+# lens's four to six parameters beyond this is a change. Tested with at least this many views.
+_LARGEST_CHI2 = 40.0
 _ENOUGH_VIEWS = 3
 
 
@@ -63,15 +63,16 @@ class ChangeDetector:
         return len(self._latest) == _MEMORY and not any(agrees for _, agrees in self._latest)
 
     def evidence(self, fit: JointFit, typical: LensPrior) -> Sequence[Candidate]:
-        """Return the views that show that the camera has changed, the latest last; or none."""
+        """Return the views of the changed camera, the latest last; empty if it has not changed."""
         agreed = [candidate for candidate, agrees in self._latest if agrees]
         disagreed = [candidate for candidate, agrees in self._latest if not agrees]
+        # Disagreeing views and the common deviation of the others add up; 1 is a change.
         evidence = len(disagreed) / self._to_restart
         if evidence >= 1.0:
             return disagreed
         if len(agreed) >= _ENOUGH_VIEWS:
-            enough = (1.0 - evidence) * _NO_CHANCE
-            evidence += _common_deviation(agreed, fit, typical, enough) / _NO_CHANCE
+            enough = (1.0 - evidence) * _LARGEST_CHI2
+            evidence += _common_deviation(agreed, fit, typical, enough) / _LARGEST_CHI2
         return [candidate for candidate, _ in self._latest] if evidence >= 1.0 else ()
 
 
@@ -81,23 +82,23 @@ def _common_deviation(
     """
     Return χ² of the difference between the camera of some views and that of a fit.
 
-    A value below ``enough`` is an upper bound. Each view's equations are those by the fit before
-    it was added, so that a view is not compared with itself.
+    A value below ``enough`` is an upper bound. Each view is evaluated with the fit before it was
+    added, so that it is not compared with itself.
     """
     free = slice(K + fit.order)
     prior = fit.variance * typical.information[free, free]
-    by_fit = [candidate.by_fit for candidate in candidates if candidate.by_fit]
-    information = np.array([view.information[free, free] for view in by_fit])
-    gradients = np.array([view.gradient[free] for view in by_fit])
+    evaluated = [candidate.evaluated for candidate in candidates if candidate.evaluated]
+    information = np.array([view.information[free, free] for view in evaluated])
+    gradients = np.array([view.gradient[free] for view in evaluated])
     total = information.sum(axis=0) + prior
     shift = np.linalg.solve(total, gradients.sum(axis=0))
     inverse, of_fit = fit.variance * inverse_of_information(total), fit.covariance[free, free]
-    at_most = _chi2(shift, fit.scatter * inverse + of_fit)
-    if at_most < enough:
-        return at_most
-    # The gradients that remain after the shift are these views' scatter, which may be larger.
-    left = gradients - information @ shift
-    scatter = max(fit.scatter, scatter_of(information, left, prior, total, fit.variance))
+    upper_bound = _chi2(shift, fit.scatter * inverse + of_fit)
+    if upper_bound < enough:
+        return upper_bound
+    # The scatter of these views, from the gradients that remain after the shift, may be larger.
+    remaining = gradients - information @ shift
+    scatter = max(fit.scatter, scatter_of(information, remaining, prior, total, fit.variance))
     return _chi2(shift, scatter * inverse + of_fit)
 
 

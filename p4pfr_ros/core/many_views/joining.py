@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Fits with a new view: of all views together if they agree, or of a camera that has changed.
+Trial fits: of all views with a new one, or of the views of a camera that has changed.
 
-This module stands alone because it has no state: ``SelfCalibration`` holds the camera and decides,
-these functions compute what the camera would be.
+This module stands alone because it has no state: ``SelfCalibration`` holds the camera and decides;
+these functions compute the fits to decide between.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from ..model.prior import LensPrior
 from ..one_view.estimate_pose import estimate_observation
 from ..one_view.results import EstimateOptions, PoseEstimate
 
-# With fewer spare coordinates, another term would explain any disagreement.
+# With fewer degrees of freedom, another term would explain any disagreement.
 _ENOUGH_FOR_A_TERM = 60
 
-# So few views may have led to a wrong optimum: the optima of the new view are tried too.
+# A fit of fewer views may be a wrong optimum: the new view's solutions are tried as starts, too.
 _FEW_VIEWS = 5
 
-# Four points have up to six solutions; of several views' solutions the first ones are tried.
+# Maximum number of solutions tried as starts; each view of four points has up to six.
 _MOST_STARTS = 12
 
 
 class Joined(NamedTuple):
-    """A fit with the new view, and the prior with the view that it may have replaced."""
+    """A fit with the new view, and the prior with the view that it replaced, if any."""
 
     fit: JointFit
     prior: LensPrior
@@ -45,17 +45,17 @@ class Joined(NamedTuple):
 
 def with_view(candidate: Candidate, prior: LensPrior, max_views: int) -> Joined | None:
     """
-    Fit the views and a new one, which becomes the last.
+    Fit the keyframes and a new view, which becomes the last.
 
-    With more than max_views the least informative view is dropped and marginalised. Return None
-    if the new view does not agree with the others, or is the one to drop.
+    With more than max_views the least informative view is marginalised. Return None if the new
+    view does not agree with the others, or is the least informative one.
     """
     fit = candidate.fit
     if len(fit.views) >= max_views:
         drop = (
             None
-            if candidate.by_fit is None
-            else least_informative(fit, candidate.by_fit.information)
+            if candidate.evaluated is None
+            else least_informative(fit, candidate.evaluated.information)
         )
         if drop is None:
             return None
@@ -75,7 +75,7 @@ def with_view(candidate: Candidate, prior: LensPrior, max_views: int) -> Joined 
 
 
 def fit_candidates(candidates: Sequence[Candidate], prior: LensPrior) -> JointFit:
-    """Fit a new camera to views that disagree with the previous one."""
+    """Fit a new camera to views that together disagree with the previous one."""
     robust = candidates[0].robust
     views = [candidate.view for candidate in candidates]
     rows = [candidate.row for candidate in candidates]
@@ -88,26 +88,26 @@ def with_lens_order(fit: JointFit, prior: LensPrior, sigma_px: float | None) -> 
     """Fit again with the number of lens terms that the data require."""
     if not needs_last_term(fit):
         return fit_views(fit.views, fit.poses, fit.lens, fit.order - 1, prior, sigma_px)
-    while fit.spare >= _ENOUGH_FOR_A_TERM and requires_next_term(fit):
+    while fit.dof >= _ENOUGH_FOR_A_TERM and requires_next_term(fit):
         fit = fit_views(fit.views, fit.poses, fit.lens, fit.order + 1, prior, sigma_px)
     return fit
 
 
 def _joined(candidate: Candidate, fit: JointFit, prior: LensPrior) -> list[JointFit]:
-    """Fit all views from the current fit; if they disagree, try further terms of the lens."""
+    """Fit all views, starting from the current fit; try further terms until the views agree."""
     sigma_px = candidate.robust.sigma_px
     views, poses = (*fit.views, candidate.view), np.vstack([fit.poses, candidate.row])
     for order in range(fit.order, MAX_ORDER + 1):
         trial = fit_views(views, poses, fit.lens, order, prior, sigma_px)
         if _agree(trial, fit, candidate):
             return [trial]
-        if trial.spare < _ENOUGH_FOR_A_TERM:
+        if trial.dof < _ENOUGH_FOR_A_TERM:
             break
     return []
 
 
 def _agree(trial: JointFit, fit: JointFit, candidate: Candidate) -> bool:
-    """Return whether a view and the others share a camera: together they cost little more."""
+    """Return whether the trial fit costs little more than separate fits of view and others."""
     if candidate.agrees:
         return True
     excess = trial.cost_within(fit.limit) - fit.cost - candidate.own_cost
@@ -130,13 +130,13 @@ def fits_from_cameras(
     """
     Fit all views, starting from each of the cameras.
 
-    Several starts are needed because one of few views may lead to a wrong optimum. rows: a pose
-    (12,) of each view, used if a camera does not explain it.
+    Several starts are needed because a start from few views may lead to a wrong optimum. rows: a
+    pose (12,) of each view, used if a camera gives none.
     """
     fits, middle_px = [], views[0].center_px
     for camera in cameras:
         poses = [
-            _row_by_camera(view, row, camera, options)
+            _row_with_camera(view, row, camera, options)
             for view, row in zip(views, rows, strict=True)
         ]
         lens = lens_from_camera(camera, middle_px)
@@ -145,15 +145,15 @@ def fits_from_cameras(
 
 
 def best_of(fits: Sequence[JointFit]) -> JointFit:
-    """Return the fit with the smallest truncated cost, all by the widest of their limits."""
+    """Return the fit with the smallest cost, all truncated at the widest of their limits."""
     limit = max(fit.limit for fit in fits)
     return min(fits, key=lambda fit: fit.cost_within(limit))
 
 
-def _row_by_camera(
+def _row_with_camera(
     view: CenteredView, row: Array, camera: DivisionCamera, options: EstimateOptions
 ) -> Array:
-    """Return the pose (12,) of a view by a camera, or else the row."""
+    """Return the pose (12,) of a view with a known camera, or else the given row."""
     estimate = estimate_observation(view.observation, None, None, camera, options)
     if estimate.model is None:
         return row

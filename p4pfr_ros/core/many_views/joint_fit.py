@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The joint fit of one lens to many views: noise, adjustment with its gate, and the result."""
+"""``JointFit``: one lens fitted to many views; its noise, covariance and statistical tests."""
 
 from __future__ import annotations
 
@@ -32,22 +32,22 @@ from ..model.observation import CenteredView
 from ..model.prior import LensPrior, WeightedPrior
 from ..model.uncertainty import DEFAULT_SIGMA_PX, noise_variance, posterior_variance
 
-# Points beyond this many standard deviations of a coordinate are outliers (three in ten thousand
-# normal errors are), but never points within the second limit, px.
+# Points beyond this many standard deviations of a coordinate (0.03 % of normal errors) are
+# outliers, but no points within the second limit, px.
 _GATE_SIGMAS = 4.0
 _SMALLEST_GATE_PX = 0.1
 
-# Prior degrees of freedom of the scatter, for which it is 1: few views do not measure it.
+# Additional degrees of freedom with a scatter of 1: few views do not measure it.
 _SCATTER_FREEDOM = 4.0
 
 # The median of the squared length of a normal error is 2 ln 2 variances of a coordinate.
 _MEDIAN_SQUARE = 2.0 * math.log(2.0)
 
-# Median if most points are not visible, px².
+# Upper limit of the median, px²: it is infinite if most points are not visible.
 _LARGEST_SQUARE = 1e6
 
-# With fewer spare coordinates the residuals do not measure the noise.
-_ENOUGH_TO_SPARE = 20
+# With fewer degrees of freedom the residuals do not measure the noise.
+_MIN_DOF = 20
 
 # Each round measures the noise for its gate and adjusts: maximum number of steps, tolerance.
 _ROUNDS = ((20, 1e-2), (10, 1e-4), (20, 1e-7))
@@ -56,7 +56,7 @@ _ROUNDS = ((20, 1e-2), (10, 1e-4), (20, 1e-7))
 MAX_ORDER = 3
 
 # χ² above which a term is freed, and below which it is fixed again: five and three standard
-# deviations. The test is repeated at each view, and residuals are not exactly normal.
+# deviations, since the test is repeated at each view and residuals are not exactly normal.
 _FREED = 25.0
 _FIXED = 9.0
 
@@ -66,13 +66,15 @@ class JointFit:
     """
     One lens and the poses of all views.
 
-    lens (6,); order, the number of free terms of k, k2, k3; poses (V, 12) of the scaled boards;
-    squares (M,), the squared errors of all points, px², and limit, beyond which a point is an
-    outlier; variance of a coordinate, px², with the number of spare coordinates, and whether they
-    measured it; scatter, the chi-square per degree of freedom of the views' lenses (at least 1);
-    equations (6, 7), the normal equations of the lens with its prior and marginalised views;
-    prior (6, 6), the part of them without marginalised views, px²; information (V, 6, 6) and
-    gradients (V, 6), each view's share: its information, and its negative gradient.
+    lens (6,)
+    order: number of free terms of k, k2, k3
+    poses (V, 12) of the scaled boards
+    squares (M,): squared errors of all points, px²; limit: points beyond it are outliers, px²
+    variance of a coordinate, px²; dof: degrees of freedom; measured: whether from the residuals
+    scatter: chi-square per degree of freedom of the views' lenses, at least 1
+    equations (6, 7): normal equations of the lens: views, prior and marginalised views, px²
+    prior (6, 6): information in them that is from the prior, not from marginalised views, px²
+    information (V, 6, 6), gradients (V, 6): information and negative gradient of each view, px²
     """
 
     views: tuple[CenteredView, ...]
@@ -82,7 +84,7 @@ class JointFit:
     squares: Array
     limit: float
     variance: float
-    spare: int
+    dof: int
     measured: bool
     scatter: float
     equations: Array
@@ -96,7 +98,7 @@ class JointFit:
         return self.cost_within(self.limit)
 
     def cost_within(self, limit: float) -> float:
-        """Return the same with another limit, px²."""
+        """Return the cost with another limit, px²."""
         return float(np.minimum(self.squares, limit).sum())
 
     @property
@@ -113,12 +115,12 @@ class JointFit:
         )
 
     def without(self, v: int) -> JointFit:
-        """Return the fit without a view: the same lens, not fitted again."""
+        """Return the fit without a view; the lens is not fitted again."""
         keep = np.arange(len(self.views)) != v
         first, last = self.starts[v : v + 2]
         return replace(
             self,
-            views=tuple(view for view, kept in zip(self.views, keep, strict=True) if kept),
+            views=(*self.views[:v], *self.views[v + 1 :]),
             poses=self.poses[keep],
             squares=np.delete(self.squares, np.arange(first, last)),
             information=self.information[keep],
@@ -128,9 +130,9 @@ class JointFit:
     @cached_property
     def covariance(self) -> Array:
         """The covariance (6, 6) of the lens; zero for fixed terms."""
-        # With T = S + Λ, the information of the views and of the prior (px²), the error is T⁻¹
-        # times the gradient of the noise, of covariance v S, and of the prior's own error, σ² Λ.
-        # Marginalised views count as views.
+        # With T = S + Λ, the information of the views and of the prior (px²), the error is T⁻¹ g.
+        # Its gradient g has the covariance v S from the noise plus σ² Λ from the error of the
+        # prior: v is the posterior variance. Marginalised views belong to S.
         free = slice(K + self.order)
         inverse = inverse_of_information(self.equations[free, free])
         prior = self.prior[free, free]
@@ -142,8 +144,8 @@ class JointFit:
     @cached_property
     def posterior_variance(self) -> float:
         """The variance that turns an inverse JᵀJ into a covariance, px²."""
-        spare = self.spare if self.measured else 0
-        return self.scatter * posterior_variance(self.variance, spare, self.limit)
+        dof = self.dof if self.measured else 0
+        return self.scatter * posterior_variance(self.variance, dof, self.limit)
 
 
 def gate_of(variance: float) -> float:
@@ -152,7 +154,7 @@ def gate_of(variance: float) -> float:
 
 
 def fit_of_prior(prior: LensPrior, order: int) -> JointFit:
-    """Return the fit of no views: the prior."""
+    """Return a fit without views: the prior."""
     variance = DEFAULT_SIGMA_PX**2
     information = variance * prior.information
     return JointFit(
@@ -163,7 +165,7 @@ def fit_of_prior(prior: LensPrior, order: int) -> JointFit:
         squares=np.empty(0),
         limit=gate_of(variance),
         variance=variance,
-        spare=0,
+        dof=0,
         measured=False,
         scatter=1.0,
         equations=np.column_stack([information, np.zeros(LENS_SIZE)]),
@@ -200,11 +202,11 @@ def fit_views(
         weighted = WeightedPrior(prior.mean, variance * prior.information)
         adjust(points, poses, lens, order, weighted, limit, steps, tolerance, work)
     fitted = _Fitted(tuple(views), points, lens, order, poses, limit, variance, work)
-    return _described(fitted, prior, measured=sigma_px is None)
+    return _result_of(fitted, prior, measured=sigma_px is None)
 
 
 class _Fitted(NamedTuple):
-    """The result of the adjustment, and its workspace."""
+    """The outcome of the adjustment, and its workspace."""
 
     views: tuple[CenteredView, ...]
     points: StackedViews
@@ -216,16 +218,16 @@ class _Fitted(NamedTuple):
     work: AdjustmentWork
 
 
-def _described(fitted: _Fitted, prior: LensPrior, measured: bool) -> JointFit:
-    """Measure the noise, unless it is given, and linearise once more."""
+def _result_of(fitted: _Fitted, prior: LensPrior, measured: bool) -> JointFit:
+    """Measure the noise, unless it is given, linearise at the optimum, and make the result."""
     views, points, lens, order, poses, limit, variance, work = fitted
     squares = np.empty(len(points.image))
     squared_errors(points, poses, lens, squares)
     inlier = squares < limit
-    spare = 2 * int(inlier.sum()) - POSE_COLUMNS * len(views) - K - order
-    measured = measured and spare >= _ENOUGH_TO_SPARE
+    dof = 2 * int(inlier.sum()) - POSE_COLUMNS * len(views) - K - order
+    measured = measured and dof >= _MIN_DOF
     if measured:
-        variance = noise_variance(float(squares[inlier].sum()), spare, limit)
+        variance = noise_variance(float(squares[inlier].sum()), dof, limit)
     equations = np.empty((len(views), LENS_SIZE, LENS_SIZE + 1))
     weighted = WeightedPrior(prior.mean, variance * prior.information)
     fill_blocks(points, poses, lens, limit, work)
@@ -248,7 +250,7 @@ def _described(fitted: _Fitted, prior: LensPrior, measured: bool) -> JointFit:
         squares=squares,
         limit=limit,
         variance=variance,
-        spare=spare,
+        dof=dof,
         measured=measured,
         scatter=scatter,
         equations=work.reduced,
@@ -259,12 +261,12 @@ def _described(fitted: _Fitted, prior: LensPrior, measured: bool) -> JointFit:
 
 
 def _median_variance(squares: Array, unknowns: int) -> float:
-    """Return the variance of a coordinate, px², by the median of the squared errors."""
+    """Return the variance of a coordinate, px², from the median of the squared errors."""
     coordinates = 2 * len(squares)
-    spare = coordinates - unknowns
+    dof = coordinates - unknowns
     median = min(float(np.median(squares)), _LARGEST_SQUARE)
-    variance = median / _MEDIAN_SQUARE * coordinates / max(spare, 1)
-    return variance if spare >= _ENOUGH_TO_SPARE else max(variance, DEFAULT_SIGMA_PX**2)
+    variance = median / _MEDIAN_SQUARE * coordinates / max(dof, 1)
+    return variance if dof >= _MIN_DOF else max(variance, DEFAULT_SIGMA_PX**2)
 
 
 def stacked_views(views: Sequence[CenteredView]) -> StackedViews:
@@ -288,13 +290,13 @@ def scatter_of(
     Return the chi-square per degree of freedom of the views' lenses, at least 1.
 
     information (V, n, n) and gradients (V, n) are the views' equations for the lens at their
-    common optimum, prior (n, n) the rest, total (n, n) the sum; px². Errors that all points of a
-    view share (a bent board, a lens outside the model) hardly show in its residuals, but in this:
-    each view's gradient points to a lens of its own.
+    common optimum, prior (n, n) the rest, total (n, n) the sum; px². An error that all points of a
+    view share (a bent board, a lens outside the model) hardly changes its residuals, but shifts
+    the lens that this view alone would have.
     """
-    # One view alone would move the lens by (S + Λ)⁻¹ g: S its information, g its gradient, Λ the
-    # prior's information. At the common optimum, with T the total, g has the covariance
-    # σ² (S - S T⁻¹ S).
+    # One view alone would move the lens by (S + Λ)⁻¹ g: S and g are its information and gradient,
+    # Λ is the prior's information. At the common optimum g has the covariance σ² (S - S T⁻¹ S),
+    # T the total.
     alone = np.linalg.inv(information + prior)
     expected = information - information @ inverse_of_information(total) @ information
     squares = np.einsum('va,vab,vb->', gradients, alone, gradients) / variance
@@ -306,22 +308,22 @@ def requires_next_term(fit: JointFit) -> bool:
     """
     Return whether the residuals require the next term: Rao's score test, which needs no fit.
 
-    At the optimum of one order the gradient by the next term, after the free terms have adapted
-    to it, is normal with the variance of the information matrix if that term is zero in truth.
-    Its square over that variance is χ² with one degree of freedom.
+    If the true value of the next term is zero, its gradient after elimination of the free terms is
+    normal with the variance of its information. The square over that variance is χ² with one
+    degree of freedom.
     """
     free = K + fit.order
     if fit.order == MAX_ORDER:
         return False
     information, gradient = fit.equations[:, :LENS_SIZE], fit.equations[:, LENS_SIZE]
     by_free = np.linalg.solve(information[:free, :free], information[:free, free])
-    left = information[free, free] - by_free @ information[:free, free]
-    gradient_left = gradient[free] - by_free @ gradient[:free]
-    return bool(gradient_left**2 > _FREED * left * fit.variance)
+    information_after = information[free, free] - by_free @ information[:free, free]
+    gradient_after = gradient[free] - by_free @ gradient[:free]
+    return bool(gradient_after**2 > _FREED * information_after * fit.variance)
 
 
 def needs_last_term(fit: JointFit) -> bool:
-    """Return whether the last free term differs from zero."""
+    """Return whether the last free term differs significantly from zero."""
     last = K + fit.order - 1
     return fit.order == 1 or bool(fit.lens[last] ** 2 > _FIXED * fit.covariance[last, last])
 

@@ -23,7 +23,7 @@ _ROUNDING = 1e-6
 
 
 class CalibrationState(enum.Enum):
-    """Progress of the calibration; the value is a sentence for people."""
+    """Progress of the calibration; the value is a sentence to print."""
 
     UNCALIBRATED = 'uncalibrated: the views do not determine focal length and distortion yet'
     CONVERGING = 'converging: the camera is known roughly and improves with each new view'
@@ -31,7 +31,7 @@ class CalibrationState(enum.Enum):
 
 
 class Verdict(enum.Enum):
-    """What self-calibration did with a view; the value is a sentence for people."""
+    """How self-calibration used a view; the value is a sentence to print."""
 
     USED = 'the camera was estimated again with this view'
     REDUNDANT = 'the view agrees with the camera and adds no information'
@@ -135,7 +135,7 @@ class CalibrationOptions:
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Keyframe:
     """
-    A view that the camera is estimated from.
+    A view that the camera is fitted to.
 
     image_points (N, 2) raw px, board_points (N, 2) and camera_from_board in board units,
     inliers (N,) bool, residuals_px (N, 2) reprojected minus observed (NaN if the camera does not
@@ -186,7 +186,8 @@ class CameraEstimate:
     Raises
     ------
     ValueError
-        The covariance is not one, rms_px is negative or not finite, or views is not positive.
+        The covariance is not symmetric or not ≥ 0, rms_px is negative or not finite, or views is
+        not positive.
 
     """
 
@@ -198,7 +199,7 @@ class CameraEstimate:
     def __post_init__(self) -> None:
         covariance = as_points(self.covariance, 'covariance', (6, 6))
         sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        # In units of the standard deviations, since px² and k² differ by orders of magnitude.
+        # In units of the standard deviations: px² and k² differ by orders of magnitude.
         unit = covariance / np.outer(*(2 * [np.where(sigma > 0.0, sigma, 1.0)]))
         symmetric = np.abs(unit - unit.T).max() <= _ROUNDING
         if not (symmetric and np.linalg.eigvalsh(unit)[0] >= -_ROUNDING):

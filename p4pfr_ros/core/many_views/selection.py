@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which views become keyframes: new ones that together determine the camera best."""
+"""Selection of keyframes: new views that together determine the camera best."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from .candidate import ViewByFit
+from .candidate import EvaluatedView
 from .joint_fit import JointFit
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION
@@ -19,8 +19,8 @@ from ..model.lens import closed_form, FOCAL, K
 from ..model.observation import Observation
 from ..model.prior import LensPrior
 
-# Least rise of the log-determinant of the information for a view to replace another, and for
-# marginalised views to be fitted. Nothing is lost by waiting.
+# Smallest rise of the information's log-determinant for a view to replace another, and for a new
+# fit with marginalised views. A fit may wait: their information is in the prior.
 _WORTH_A_PLACE = 0.2
 _WORTH_A_FIT = 0.4
 
@@ -32,11 +32,10 @@ def distance_to_views_px(
     board_points: Array, camera_from_board: Pose, others: Array, camera: DivisionCamera
 ) -> float:
     """
-    Return the distance of a view from the nearest of other poses: rms over its corners, px.
+    Return the distance in the image of a view from the nearest of other poses, rms px.
 
-    others are poses (V, 12), in board units. The corners are those of the rectangle around the
-    view's board points. Another board in the same place counts as the same view, which it nearly
-    is.
+    others are poses (V, 12), in board units. The distance is over the corners of the rectangle
+    around the view's board points, so another board in the same place counts as the same view.
     """
     (left, bottom), (right, top) = board_points.min(axis=0), board_points.max(axis=0)
     corners = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
@@ -48,7 +47,7 @@ def distance_to_views_px(
     rotations, places = poses[:, :TRANSLATION].reshape(-1, 3, 3), poses[:, TRANSLATION:]
     corners_px = camera.project(corners @ rotations[:, :, :2].transpose(0, 2, 1) + places[:, None])
     squares = np.sum((corners_px[1:] - corners_px[0]) ** 2, axis=-1).mean(axis=-1)
-    # A corner that no pixel sees is at no distance from any other.
+    # The distance of a corner that no pixel sees is infinite.
     return math.sqrt(np.nan_to_num(squares, nan=np.inf).min(initial=np.inf))
 
 
@@ -61,20 +60,19 @@ def poses_of(fit: JointFit) -> Array:
 
 
 def unscaled_row(row: Array, observation: Observation) -> Array:
-    """Return the pose (12,) of the board itself, in board units, from that of the scaled board."""
+    """Return the pose (12,) in board units from that of the scaled board."""
     unscaled = row.copy()
-    unscaled[TRANSLATION:] = observation.board_size * row[TRANSLATION:]
-    unscaled[TRANSLATION:] -= row[:TRANSLATION].reshape(3, 3)[:, :2] @ observation.board_mean
+    unscaled[TRANSLATION:] = observation.translation_from_row(row)
     return unscaled
 
 
 @jit
 def _nearest(corners: Array, poses: Array, k: float) -> float:
     """
-    Return the mean squared distance of the corners from the first pose (12,) to the nearest other.
+    Return the mean squared distance of the corners between the first pose and the nearest other.
 
-    For a lens with one term, in squares of its focal length; infinite if there is no other pose,
-    or each has a corner that no pixel sees.
+    poses (V, 12); for a lens with one term, in squared focal lengths. Infinite if there is no
+    other pose, or each has a corner that no pixel sees.
     """
     best = math.inf
     for v in range(1, len(poses)):
@@ -99,10 +97,10 @@ def _project(pose: Array, bx: float, by: float, k: float) -> tuple[float, float]
 
 def least_informative(fit: JointFit, new: Array) -> int | None:
     """
-    Return which of a fit's views to drop for a new one; None: the new one is not worth it.
+    Return the index of the view to drop for a new one; None if the new one adds too little.
 
-    new (6, 6), px², is the new view's information about the lens. The remaining views have the
-    largest determinant of the information: the smallest volume of uncertainty.
+    new (6, 6), px²: the new view's information about the lens. The remaining views have the
+    largest determinant of the information, that is, the smallest volume of uncertainty.
     """
     free = slice(K + fit.order)
     information = np.concatenate([fit.information, new[None]])[:, free, free]
@@ -127,10 +125,10 @@ def _log_volumes(information: Array) -> Array:
     return positive
 
 
-def determines_focal(by_fit: ViewByFit, typical: LensPrior) -> bool:
-    """Return whether a view alone determines the focal length of a typical camera."""
-    fit = by_fit.fit
-    information = by_fit.information + fit.variance * typical.information
+def determines_focal(evaluated: EvaluatedView, typical: LensPrior) -> bool:
+    """Return whether a view alone, with a typical camera's prior, determines the focal length."""
+    fit = evaluated.fit
+    information = evaluated.information + fit.variance * typical.information
     free = K + fit.order
     inverse = inverse_of_information(information[:free, :free])
     return bool(fit.variance * inverse[FOCAL, FOCAL] < (_DETERMINED * fit.lens[FOCAL]) ** 2)

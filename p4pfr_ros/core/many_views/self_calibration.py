@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``SelfCalibration``: the camera from its views of flat boards, one view at a time."""
+"""``SelfCalibration``: estimates a camera from views of flat boards, one view at a time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .candidate import Candidate, estimate_by_fit, view_by_fit
+from .candidate import Candidate, estimate_from_view, evaluate_view
 from .change_detection import ChangeDetector
 from .joining import fit_candidates, with_lens_order, with_view
 from .joint_fit import fit_of_prior, fit_views, JointFit, keyframes_of
@@ -32,11 +32,12 @@ from ..model.prior import calibrated_camera, LensPrior, typical_camera
 from ..model.uncertainty import DEFAULT_SIGMA_PX
 from ..one_view.results import EstimateOptions, PoseEstimate
 
-# A changed camera is as sharp as before: its noise variance is at most this multiple.
+# A restart requires that the views fit the new camera about as well as earlier ones fitted the
+# previous one: the noise variance is at most this multiple.
 _AS_SHARP = 4.0
 
-# With larger uncertainties, relative to the focal length or of the bend at the corner, there is no
-# camera yet.
+# With a larger standard deviation of the focal length (relative), or of the bend at the corner,
+# the camera is UNCALIBRATED.
 _ROUGH = 0.15
 
 _NO_POSES = np.empty((0, POSE_SIZE))
@@ -44,11 +45,11 @@ _NO_POSES = np.empty((0, POSE_SIZE))
 
 class SelfCalibration:
     """
-    Estimates one camera from its views, and each view's pose by that camera.
+    Estimates one camera from its views, and the pose of each view with that camera.
 
     Focal length, centre and distortion belong to the camera, a pose to a view. A bounded set of
     keyframes is fitted together; other views are marginalised. A view that disagrees with the
-    camera is not used. If views go on disagreeing, the camera has changed (zoom, focus), and the
+    camera is not used. If several views disagree, the camera has changed (zoom, focus), and the
     calibration restarts.
 
     Parameters
@@ -58,7 +59,7 @@ class SelfCalibration:
     options
         Options of the calibration.
     robust
-        Options of each view's estimation; its priors and its noise are those of the camera.
+        Options of the estimation from each view; its priors and sigma_px apply to the camera, too.
 
     Raises
     ------
@@ -83,7 +84,7 @@ class SelfCalibration:
         self._middle_px = image_center_px(self.image_size)
         self._typical = _typical_camera(self.image_size, self.options, self.robust)
         self._changes = ChangeDetector(self.options.outliers_to_restart)
-        # The prior with all marginalised views, and the one that the current fit was made with.
+        # The prior with all marginalised views, and the one in the current fit.
         self._prior: LensPrior
         self._fitted_prior: LensPrior
         self._fit: JointFit
@@ -117,7 +118,7 @@ class SelfCalibration:
 
     @property
     def verdict(self) -> Verdict:
-        """What the calibration did with the last view."""
+        """How the calibration used the last view."""
         return self._verdict
 
     @property
@@ -145,13 +146,13 @@ class SelfCalibration:
         stamp
             Any value that identifies the view; it is stored with a keyframe.
         on_pose
-            Called once with the estimate that is returned, as soon as it is known: while the
-            camera is CALIBRATED and the view agrees with it, that is before the camera is
-            updated, which takes longer than the pose.
+            Called once with the estimate that is returned. While the camera is CALIBRATED and
+            the view agrees with it, the call comes before the update of the camera, which takes
+            longer than the pose.
 
         Returns
         -------
-        The estimate by the fused camera; its covariance includes the camera's. Without a fused
+        The estimate with the fused camera; its covariance includes the camera's. Without a fused
         camera, or if the view disagrees with it, the estimate from this view alone.
 
         Raises
@@ -174,23 +175,25 @@ class SelfCalibration:
         return estimate
 
     def _early_estimate(self, candidate: Candidate) -> PoseEstimate | None:
-        """Return the pose by the calibrated camera; None if there is none yet, or it disagrees."""
+        """Return the estimate before the update; None if not calibrated, or the view disagrees."""
         if self.state is not CalibrationState.CALIBRATED or not candidate.agrees:
             return None
-        assert candidate.by_fit is not None
-        return estimate_by_fit(candidate.by_fit, candidate.known, self.robust.threshold_px)
+        assert candidate.evaluated is not None
+        return estimate_from_view(candidate.evaluated, candidate.known, self.robust.threshold_px)
 
     def _estimate(self, candidate: Candidate) -> PoseEstimate:
-        """Return the pose by the updated camera, if the view agrees with it."""
+        """Return the estimate with the updated camera, or from the view alone if they disagree."""
         if self._verdict is Verdict.OUTLIER:
             return candidate.estimate_alone(self._typical)
         if self._fused is None or self._verdict is Verdict.NO_POSE:
             return candidate.alone
-        by_fit, fit = candidate.by_fit, self._fit
-        if by_fit is None or fit is not candidate.fit:
+        evaluated, fit = candidate.evaluated, self._fit
+        if evaluated is None or fit is not candidate.fit:  # the update replaced the fit
             is_last = bool(fit.views) and fit.views[-1] is candidate.view
-            by_fit = view_by_fit(candidate.view, fit.poses[-1] if is_last else candidate.row, fit)
-        return estimate_by_fit(by_fit, candidate.known_or_alone, self.robust.threshold_px)
+            evaluated = evaluate_view(
+                candidate.view, fit.poses[-1] if is_last else candidate.row, fit
+            )
+        return estimate_from_view(evaluated, candidate.known_or_alone, self.robust.threshold_px)
 
     def _start(self, loaded: CameraEstimate | None) -> None:
         """Drop all views; start from a loaded camera, or from none."""
@@ -206,67 +209,72 @@ class SelfCalibration:
         self._accept(fit_of_prior(prior, camera.order), prior)
 
     def _learn(self, candidate: Candidate) -> None:
-        """Decide what to do with a view, the verdict, and update the camera with it."""
+        """Set the verdict on a view, and update the camera with it accordingly."""
         self._verdict = Verdict.NO_POSE
         if candidate.agrees and not self._is_new(candidate, self._last_poses):
-            self._has_not_moved(candidate)
+            self._handle_stationary_board(candidate)
         elif candidate.agrees and not self._is_new(candidate, self._poses):
-            self._agreed(candidate, Verdict.REDUNDANT)
+            self._record_agreement(candidate, Verdict.REDUNDANT)
         elif candidate.explained:
             joined = with_view(candidate, self._prior, self.options.max_views)
             if joined is not None:
                 self._accept(*joined)
-                self._agreed(candidate, Verdict.USED)
+                self._record_agreement(candidate, Verdict.USED)
             elif candidate.agrees:
-                self._agreed(candidate, self._marginalise(candidate))
+                self._record_agreement(candidate, self._marginalise(candidate))
             else:
-                self._disagreed(candidate)
+                self._record_disagreement(candidate)
 
-    def _has_not_moved(self, candidate: Candidate) -> None:
+    def _handle_stationary_board(self, candidate: Candidate) -> None:
         """Count a stationary board as one view, however long it is visible."""
-        self._verdict, by_fit = Verdict.REDUNDANT, candidate.by_fit
-        # It is evidence against single outliers in between, however.
-        if self._changes.any_disagreed and by_fit and determines_focal(by_fit, self._typical):
+        self._verdict, evaluated = Verdict.REDUNDANT, candidate.evaluated
+        # It still shows that the outliers in between are no change of the camera.
+        if (
+            self._changes.any_disagreed
+            and evaluated
+            and determines_focal(evaluated, self._typical)
+        ):
             self._changes.drop_outlier()
 
     def _marginalise(self, candidate: Candidate) -> Verdict:
-        """Add the information of a view that replaces no keyframe; fit again if it is enough."""
-        by_fit, fit = candidate.by_fit, self._fit
-        if by_fit is None:
+        """Add the information of a view that replaces no keyframe; fit again if it is worth it."""
+        evaluated, fit = candidate.evaluated, self._fit
+        if evaluated is None:
             return Verdict.REDUNDANT
         prior = self._prior.marginalise(
-            by_fit.information, by_fit.gradient, fit.lens, fit.variance
+            evaluated.information, evaluated.gradient, fit.lens, fit.variance
         )
         self._prior = prior
-        more = fit.variance * (prior.information - self._fitted_prior.information)
-        if not is_worth_a_fit(fit, more):
+        added = fit.variance * (prior.information - self._fitted_prior.information)
+        if not is_worth_a_fit(fit, added):
             return Verdict.REDUNDANT
         sigma_px = self.robust.sigma_px
-        again = fit_views(fit.views, fit.poses, fit.lens, fit.order, prior, sigma_px)
-        self._accept(with_lens_order(again, prior, sigma_px), prior)
+        fit = fit_views(fit.views, fit.poses, fit.lens, fit.order, prior, sigma_px)
+        self._accept(with_lens_order(fit, prior, sigma_px), prior)
         return Verdict.USED
 
     def _is_new(self, candidate: Candidate, poses: Array) -> bool:
-        """Return whether the board of a view is in none of these poses (V, 12)."""
+        """Return whether a view differs from those with these poses (V, 12)."""
         model = candidate.known.model
         if model is None or not len(poses):
             return True
-        away_px = distance_to_views_px(
+        distance_px = distance_to_views_px(
             candidate.view.observation.board_points, model.camera_from_board, poses, self._camera
         )
-        return away_px > self.options.new_view * math.hypot(*self.image_size)
+        return distance_px > self.options.new_view * math.hypot(*self.image_size)
 
-    def _agreed(self, candidate: Candidate, verdict: Verdict) -> None:
-        self._verdict, by_fit = verdict, candidate.by_fit
-        if by_fit is None:
+    def _record_agreement(self, candidate: Candidate, verdict: Verdict) -> None:
+        """Store the pose and, if it has information on the focal length, the view."""
+        self._verdict, evaluated = verdict, candidate.evaluated
+        if evaluated is None:
             return
-        self._last_poses = unscaled_row(by_fit.row, candidate.view.observation)[None]
-        # A fronto-parallel view agrees with any focal length.
-        if determines_focal(by_fit, self._typical):
+        self._last_poses = unscaled_row(evaluated.row, candidate.view.observation)[None]
+        # A fronto-parallel view is not informative: it agrees with any focal length.
+        if determines_focal(evaluated, self._typical):
             self._changes.add(candidate, agrees=True)
             self._restart_if_changed()
 
-    def _disagreed(self, candidate: Candidate) -> None:
+    def _record_disagreement(self, candidate: Candidate) -> None:
         self._verdict = Verdict.OUTLIER
         self._changes.add(candidate, agrees=False)
         self._restart_if_changed()
@@ -283,7 +291,7 @@ class SelfCalibration:
             self._verdict = Verdict.RESTARTED
 
     def _accept(self, fit: JointFit, prior: LensPrior) -> None:
-        """Make a fit the current one, with the prior that it was made with."""
+        """Make a fit the current one, with its prior."""
         self._prior = self._fitted_prior = prior
         self._fit, self._camera = fit, camera_from_lens(fit.lens, self._middle_px)
         self._poses = poses_of(fit)
@@ -320,10 +328,10 @@ def _progress_of(
     loaded: CameraEstimate | None,
 ) -> tuple[CalibrationState, CameraEstimate | None]:
     """
-    Return the state of a fit, and its camera unless that is too rough.
+    Return the state of a fit, and its camera unless it is UNCALIBRATED.
 
-    marginalised: the number of views that are not fitted any more; loaded: the camera that the
-    calibration started from, which has the quality of its own fit while there is no view.
+    marginalised: the number of views in the prior; loaded: the camera that the calibration started
+    from, which is returned as it is while there are no views.
     """
     views, covariance = len(fit.views) + marginalised, fit.covariance
     state = _state_of(fit.lens, covariance, 0.5 * math.hypot(*image_size), views, options)
@@ -338,8 +346,8 @@ def _progress_of(
 def _state_of(
     lens: Array, covariance: Array, corner_px: float, views: int, options: CalibrationOptions
 ) -> CalibrationState:
-    """Judge a lens (6,) and its covariance (6, 6); corner_px is half the image diagonal."""
-    # With extreme numbers only rounding may be left.
+    """Return the state of a lens (6,) with a covariance (6, 6); corner_px: half the diagonal."""
+    # Rounding may leave negative variances if the numbers are extreme.
     if not (np.diag(covariance) >= 0.0).all():
         return CalibrationState.UNCALIBRATED
     focal_share = math.sqrt(covariance[FOCAL, FOCAL]) / lens[FOCAL]

@@ -47,7 +47,7 @@ def depth_cone(image: Array, radius: Array, m: Array, plane: Array, rays: Array)
     _set_pair(plane, 0, 3, m[1] * m[2] * _cross(image, radius, 1, 2))
     _set_pair(plane, 2, 0, m[1] * m[3] * _cross(image, radius, 1, 3))
     _set_pair(plane, 0, 1, m[2] * m[3] * _cross(image, radius, 2, 3))
-    found = 0
+    count = 0
     opening = _MIN_OPENING
     for l in range(4):  # noqa: E741
         low = high = total = 0.0
@@ -58,20 +58,20 @@ def depth_cone(image: Array, radius: Array, m: Array, plane: Array, rays: Array)
                 total += plane[l, k]
         if low * high < 0.0 or total == 0.0:
             continue
-        apart = 0.0
+        distance = 0.0
         for k in range(4):
             plane[l, k] = plane[l, k] / total if k != l else 0.0
-            if found > 0:
-                apart += abs(plane[l, k] - rays[0, k])
-        # With a point at the centre, or three board points on a line, three of the rows are one
-        # ray; take the pair that is farthest apart.
-        if found == 0 or apart > opening:
-            which = 0 if found == 0 else 1
-            opening = opening if found == 0 else apart
-            found += 1
+            if count > 0:
+                distance += abs(plane[l, k] - rays[0, k])
+        # With a point at the centre, or three collinear board points, three of the rows are the
+        # same ray; take the pair with the largest distance.
+        if count == 0 or distance > opening:
+            which = 0 if count == 0 else 1
+            opening = opening if count == 0 else distance
+            count += 1
             for k in range(4):
                 rays[which, k] = plane[l, k]
-    return found >= 2
+    return count >= 2
 
 
 @kernel
@@ -89,8 +89,8 @@ def board_weights(board: Array, m: Array) -> bool:
     m[2] = x1 * y3 - y1 * x3
     m[3] = y1 * x2 - x1 * y2
     largest = max(max(abs(m[0]), abs(m[1])), max(abs(m[2]), abs(m[3])))
-    # An area of zero is computed as the rounding of the coordinates times a length. With three
-    # points on a line the fourth has no weight, and rounding must not give it a sign.
+    # With three collinear points the fourth has zero weight, and rounding must not give it a sign:
+    # the computed area is the rounding error of the coordinates times a length.
     length = max(max(abs(x1), abs(y1)), max(max(abs(x2), abs(y2)), max(abs(x3), abs(y3))))
     rounding = _ROUNDING * length * (length + max(abs(board[0, 0]), abs(board[0, 1])))
     if not largest > rounding:
@@ -109,6 +109,6 @@ def _set_pair(plane: Array, row: int, column: int, value: float) -> None:
 
 @kernel
 def _cross(image: Array, radius: Array, i: int, j: int) -> float:
-    """Return the cross product, exactly zero if it is so to rounding (one ray, the centre)."""
+    """Return the cross product; exactly zero if it is rounding (points on one ray, centre)."""
     value: float = image[i, 0] * image[j, 1] - image[i, 1] * image[j, 0]
     return value if abs(value) > _ROUNDING * (radius[i] + radius[j]) else 0.0

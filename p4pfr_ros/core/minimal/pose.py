@@ -20,10 +20,10 @@ from ..geometry import Array, TRANSLATION
 from ..jit import kernel
 from ..linalg import copy_row, rotate, solve_in_place
 
-# The residual that some ten roundings leave; below it no step is taken.
+# The residual of some ten rounding errors; no step is taken below it.
 _GOOD_ENOUGH = 2e-15
 
-# A step that lowers the residual by less is rounding; each costs more than a root.
+# A step that does not reduce the residual to this share is the last: the rest is rounding.
 _WORTHWHILE = 0.5
 _MAX_STEPS = 3
 
@@ -81,8 +81,8 @@ def pose_from_root(f: Factors, tau: float, row: Array) -> bool:
     """Write rotation, focal length and h of a root; the translation slot holds the scale."""
     at = evaluate(f, tau)
     norm = at.z.real * at.z.real + at.z.imag * at.z.imag
-    # q + f² z²/d² = 0: z = 0 (fronto-parallel) does not determine f, d = 0 does not determine k,
-    # and if the product is not negative, f² is not positive.
+    # From q + f² z²/d² = 0: f is undetermined if z = 0 (fronto-parallel), k if d = 0, and f² > 0
+    # requires Re(q z̄²) < 0.
     if not (norm > 0.0 and at.d != 0.0 and at.re < 0.0):
         return False
     focal = math.sqrt(-at.re) * abs(at.d) / norm
@@ -148,8 +148,8 @@ def polish(solution: Array, image: Array, board: Array, system: Array, trial: Ar
 
     image is (4, 2) and board (4, 2), both scaled to about 1; ``system`` (8, 9) and ``trial``
     (ROW_SIZE,) are workspace. The residual is the largest |P x ρ| / |P| of the points P and the
-    rays ρ that they should lie on: for a long ray (telephoto) the displacement in the image,
-    else the sine of the angle. Infinite if a point is behind the camera or not a number.
+    rays ρ that they should lie on, which is |ρ| times the sine of the angle between the two.
+    Infinite if a point is behind the camera or not a number.
     """
     residual = _residual(solution, image, board)
     for _ in range(_MAX_STEPS):
@@ -159,11 +159,11 @@ def polish(solution: Array, image: Array, board: Array, system: Array, trial: Ar
         if not solve_in_place(system, 8):
             break
         _newton_step(solution, system, trial)
-        better = _residual(trial, image, board)
-        worthwhile = better < _WORTHWHILE * residual
-        if better < residual:
+        trial_residual = _residual(trial, image, board)
+        worthwhile = trial_residual < _WORTHWHILE * residual
+        if trial_residual < residual:
             copy_row(trial, solution)
-            residual = better
+            residual = trial_residual
         if not worthwhile:
             break
     return residual
@@ -186,11 +186,11 @@ def _residual(solution: Array, image: Array, board: Array) -> float:
         x, y = image[i, 0], image[i, 1]
         z = solution[G] + solution[H] * (x * x + y * y)
         cx, cy, cz = py * z - pz * y, pz * x - px * z, px * y - py * x
-        miss2 = (cx * cx + cy * cy + cz * cz) / (px * px + py * py + pz * pz)
-        # A point behind the camera, along the ray, is no solution; neither is NaN.
+        square = (cx * cx + cy * cy + cz * cz) / (px * px + py * py + pz * pz)
+        # Written so that NaN is rejected like a point behind the camera.
         if not px * x + py * y + pz * z > 0.0:
             return math.inf
-        worst = max(worst, miss2)
+        worst = max(worst, square)
     return math.sqrt(worst)
 
 

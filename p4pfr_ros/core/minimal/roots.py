@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The roots of the sextic that may be a camera's: isolated by Descartes' rule, found by Newton.
+The feasible roots of the sextic: isolated by Descartes' rule, refined by Newton's method.
 
 Intervals carry the sextic's Bernstein coefficients. Splitting an interval splits its coefficients
 cheaply by de Casteljau's scheme, but leaves them with the rounding error of the whole. If a
@@ -24,24 +24,24 @@ MAX_ROOTS = 6
 # A shorter interval with two roots or more holds a multiple root, to rounding.
 _SHORTEST = 1e-13
 
-# If the sextic vanishes everywhere (unobservable), rounding gives it signs at every depth.
+# Limit of the search if the sextic vanishes everywhere (unobservable) but for rounding errors.
 _MAX_INTERVALS = 600
 
 # An interval is split between its roots, but no closer to its ends than this share.
 _MARGIN = 0.05
 
-# Newton's method inside its bracket needs some four steps. It ends if a step is lost in rounding,
-# or is small and yet no smaller than the one before.
+# Newton's method inside its bracket needs some four steps. It ends if a step is below rounding, or
+# is small and yet no smaller than the one before.
 _MAX_NEWTON_STEPS = 64
 _TAU_ROUNDING = 3e-16
 _TAU_SMALL = 1e-9
 
-# A coefficient below this share of the largest one that de Casteljau's scheme began with may have
-# any sign: the scheme's rounding is some 1e-15 of that.
+# The sign of a coefficient below this share of the largest initial one of de Casteljau's scheme is
+# not reliable: the rounding error is some 1e-15 of that.
 _SIGNLESS = 1e-10
 
 # An interval on the stack: its ends, the largest coefficient of the interval that it was split
-# from, and its own coefficients. Depth first: one part of each split waits.
+# from, and its own coefficients. Depth first: the right part of each split waits.
 STACK_SHAPE = (1024, 10)
 _LOW, _HIGH, _SIZE, _FIRST = 0, 1, 2, 3
 
@@ -50,7 +50,7 @@ class _Signs(NamedTuple):
     """
     The sign changes of an interval's Bernstein coefficients.
 
-    Descartes: no variation means no root inside, one means exactly one, more are an upper bound.
+    Descartes: 0 variations mean no root inside, 1 means one root, more are an upper bound.
     first and second are the zero crossings of the coefficients' polygon, as shares of the
     interval; rising: the direction of the first crossing.
     """
@@ -65,13 +65,13 @@ class _Signs(NamedTuple):
 @kernel
 def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> int:
     """
-    Write the roots in (0, 1) that may be a camera's to ``roots`` (6,); return their number.
+    Write the roots in (0, 1) that belong to a camera to ``roots`` (6,); return their number.
 
-    A camera's roots have f² > 0, and k below max_bend, which may be infinite. ``stack``
-    (STACK_SHAPE) is workspace for intervals.
+    They have f² > 0 and k < max_bend, which may be infinite. ``stack`` (STACK_SHAPE) is workspace
+    for intervals.
     """
-    found = 0
-    waiting = _bounded_bend(f, max_bend, stack)
+    count = 0
+    waiting = _push_bounded(f, max_bend, stack)
     for _ in range(_MAX_INTERVALS):
         if waiting == 0:
             break
@@ -79,7 +79,7 @@ def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> i
         low, high = stack[waiting, _LOW], stack[waiting, _HIGH]
         signs = _signs_of(_top(stack, waiting))
         if signs.variations > 1 and high - low >= _SHORTEST:
-            # Between two roots, or near the second of more: fewest intervals in trials.
+            # Split between two roots, or near the second of more: fewest intervals in trials.
             two = signs.variations == 2
             share = 0.5 * (signs.first + signs.second) if two else signs.second
             share = min(max(share, _MARGIN), 1.0 - _MARGIN)
@@ -89,43 +89,44 @@ def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> i
         if signs.variations == 1:
             guess = low + (high - low) * signs.first
             root, re = _bracketed_newton(f, low, high, guess, signs.rising)
-            found = _keep(root, re, roots, found)
+            count = _append_root(root, re, roots, count)
         elif signs.variations > 1:
             middle = 0.5 * (low + high)
-            found = _keep(middle, evaluate(f, middle).re, roots, found)
+            count = _append_root(middle, evaluate(f, middle).re, roots, count)
         # A root at a split point, as symmetric boards have, appears in neither part.
         if signs.zero_at_high and high < 1.0:
-            found = _keep(high, evaluate(f, high).re, roots, found)
-    return found
+            count = _append_root(high, evaluate(f, high).re, roots, count)
+    return count
 
 
 @kernel
-def _keep(tau: float, re: float, roots: Array, found: int) -> int:
+def _append_root(tau: float, re: float, roots: Array, count: int) -> int:
     """Append a root if f² > 0, that is, Re(q z̄²) < 0; return the new number."""
-    if found < MAX_ROOTS and re < 0.0:
-        roots[found] = tau
-        return found + 1
-    return found
+    if count < MAX_ROOTS and re < 0.0:
+        roots[count] = tau
+        return count + 1
+    return count
 
 
 @kernel
-def _bounded_bend(f: Factors, max_bend: float, stack: Array) -> int:
-    """Write the parts of (0, 1) where k < max_bend, the first on top; return their number."""
+def _push_bounded(f: Factors, max_bend: float, stack: Array) -> int:
+    """Push the parts of (0, 1) where k < max_bend, the first on top; return their number."""
     if max_bend == math.inf:
-        _push_anew(f, 0.0, 1.0, stack, 0)
+        _push_from_factors(f, 0.0, 1.0, stack, 0)
         return 1
-    # k = -n/d < B  where  e = n + B d  and d have one sign. Both are linear: three parts at most.
+    # k = -n/d < B  where  e = n + B d  and d have the same sign. Both are linear: at most three
+    # parts.
     e0, e1 = f.n0 + max_bend * f.d0, f.n1 + max_bend * f.d1
-    one = f.d0 / (f.d0 - f.d1) if f.d0 * f.d1 < 0.0 else 1.0
-    other = e0 / (e0 - e1) if e0 * e1 < 0.0 else 1.0
+    zero_of_d = f.d0 / (f.d0 - f.d1) if f.d0 * f.d1 < 0.0 else 1.0
+    zero_of_e = e0 / (e0 - e1) if e0 * e1 < 0.0 else 1.0
     waiting = 0
     high = 1.0
-    for low in (max(one, other), min(one, other), 0.0):
+    for low in (max(zero_of_d, zero_of_e), min(zero_of_d, zero_of_e), 0.0):
         middle = 0.5 * (low + high)
         d = (1.0 - middle) * f.d0 + middle * f.d1
         e = (1.0 - middle) * e0 + middle * e1
         if low < high and d * e > 0.0:
-            _push_anew(f, low, high, stack, waiting)
+            _push_from_factors(f, low, high, stack, waiting)
             waiting += 1
         high = low
     return waiting
@@ -136,9 +137,9 @@ def _bracketed_newton(
     f: Factors, low: float, high: float, tau: float, rising: bool
 ) -> tuple[float, float]:
     """
-    Find the one root between low and high: Newton's method, bisection if a step leaves them.
+    Return the one root between low and high, and Re(q z̄²) there to the rounding of a step.
 
-    Return the root and Re(q z̄²) there, to the rounding of a step.
+    By Newton's method, with bisection if a step leaves the bracket.
     """
     before = high - low
     value = evaluate(f, tau)
@@ -170,7 +171,7 @@ def _signs_of(c: Seven) -> _Signs:
     zero_at_high = c[6] == 0.0
     if c[0] * c[1] * c[2] == 0.0 or c[3] * c[4] * c[5] == 0.0 or zero_at_high:
         c = _zeros_filled(c)
-    # Without branches, which no processor could predict here.
+    # Without branches, because they would be unpredictable.
     variations = (
         int((c[0] < 0.0) != (c[1] < 0.0))
         + int((c[1] < 0.0) != (c[2] < 0.0))
@@ -199,7 +200,7 @@ def _crossing(c: Seven, start: int) -> tuple[float, int]:
 
 @kernel
 def _zeros_filled(c: Seven) -> Seven:
-    """Replace zeros by the value before them, or else the first nonzero one: they have no sign."""
+    """Give zeros a sign: that of the value before them, or else of the first nonzero one."""
     last = 0.0
     for i in range(6, -1, -1):
         if c[i] != 0.0:
@@ -236,7 +237,7 @@ def _push(low: float, high: float, size: float, c: Seven, stack: Array, at: int)
 
 
 @kernel
-def _push_anew(f: Factors, low: float, high: float, stack: Array, at: int) -> None:
+def _push_from_factors(f: Factors, low: float, high: float, stack: Array, at: int) -> None:
     """Push an interval, its coefficients computed from the factors."""
     c = coefficients(f, low, high)
     largest = max(max(abs(c[0]), abs(c[1])), max(abs(c[2]), abs(c[3])))
@@ -251,9 +252,9 @@ def _split_interval(f: Factors, share: float, stack: Array, at: int) -> None:
     middle = low + (high - low) * share
     left, right = _de_casteljau(_top(stack, at), share)
     if _sign_lost(left, size) or _sign_lost(right, size):
-        # Both or neither: they must agree on the sign in the middle.
-        _push_anew(f, middle, high, stack, at)
-        _push_anew(f, low, middle, stack, at + 1)
+        # Always both parts: they must have the same sign in the middle.
+        _push_from_factors(f, middle, high, stack, at)
+        _push_from_factors(f, low, middle, stack, at + 1)
     else:
         _push(middle, high, size, right, stack, at)
         _push(low, middle, size, left, stack, at + 1)

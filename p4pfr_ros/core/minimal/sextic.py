@@ -5,13 +5,13 @@
 The sextic of planar P4Pfr: its factors, its values and its Bernstein coefficients.
 
 With λ = (1 - τ) a + τ b from the depth cone, everything is built from six functions *linear* in τ,
-four complex and two real (ξ = x + i y; c is the board's, see ``board_duals``):
+four complex and two real (ξ = x + i y; c: the dual vectors of ``pose.board_duals``):
 
     u = Σ λᵢ ξᵢ cᵢ     v = Σ λᵢ ξ̄ᵢ cᵢ     l = Σ λᵢ cᵢ     p = Σ λᵢ rᵢ² cᵢ
     n = Σ λᵢ mᵢ        d = Σ λᵢ mᵢ rᵢ²
 
 The third row of Σ mᵢ λᵢ (xᵢ, yᵢ, 1 + k rᵢ²) = 0 gives  k = -n / d.  The corners in the camera
-frame are Qᵢ = λᵢ (xᵢ, yᵢ, f (1 + k rᵢ²)) but for one scale s, and Σ Qᵢ cᵢ = s (r₁ + i r₂): its
+frame are Qᵢ = λᵢ (xᵢ, yᵢ, f (1 + k rᵢ²)) up to one scale s, and Σ Qᵢ cᵢ = s (r₁ + i r₂): its
 rows are h₁ = (u + v)/2, h₂ = (u - v)/2i and h₃ = f z / d with  z = d l - n p.  r₁ and r₂ are
 orthogonal and of one length exactly when the sum of their squares, as complex numbers, is zero:
 
@@ -20,9 +20,9 @@ orthogonal and of one length exactly when the sum of their squares, as complex n
 f² is real, so q and z² are parallel:  S = Im(q z̄²) = 0, of degree 6, and f² = -d² Re(q z̄²)/|z|⁴.
 
 Near fronto-parallel views v and z are both small at the root, and S has a cluster of roots there
-that its expanded coefficients cannot separate: forming them loses the digits. The factors are
-linear, so restricting *them* to an interval and then forming its Bernstein coefficients keeps the
-relative accuracy however small the interval is: ``roots`` does so if digits run out.
+that its expanded coefficients are not accurate enough to separate. The factors are linear, so
+restricting *them* to an interval and then forming its Bernstein coefficients keeps the relative
+accuracy however small the interval is: ``roots`` does so where it needs more digits.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Value(NamedTuple):
 
 @kernel
 def factors(image: Array, m: Array, rays: Array, duals: Array) -> Factors:
-    """Sum the six functions at both ends; duals is c, (4, 2) as real and imaginary part."""
+    """Return the six functions at both ends; duals is c as real and imaginary part, (4, 2)."""
     u0 = u1 = v0 = v1 = l0 = l1 = p0 = p1 = 0.0j
     n0 = n1 = d0 = d1 = 0.0
     for i in range(4):

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION
 
-# A row: the pose's numbers (see geometry), then g and h. The pixel (x, y) from the centre sees the
-# ray (x, y, g + h r²): g is the focal length in px, and k = g h.
+# A row is a pose (12,), then g and h. The pixel (x, y) from the centre sees the ray
+# (x, y, g + h r²), r² = x² + y²: g is the focal length in px, and k = g h.
 G = POSE_SIZE
 H = G + 1
 ROW_SIZE = H + 1

@@ -4,9 +4,9 @@
 """
 Planar P4Pfr: pose, focal length and radial distortion from four points of a plane.
 
-The problem is Oskarsson's (arXiv:1805.10705); the derivation of its sextic by way of the depths is
-this project's own: ``cone`` (the possible depths), ``sextic`` and ``roots`` (the depths that fit),
-``pose`` (the pose of each). docs/derivation.md has the whole derivation.
+The problem is Oskarsson's (arXiv:1805.10705). The derivation by way of the depths is this
+project's own: ``cone`` (the possible depths), ``sextic`` and ``roots`` (the depths that fit),
+``pose`` (the pose of each). docs/derivation.md has all of it.
 
 Unobservable for any method: a plane parallel to the image, a square centred on the axis and tilted
 about its own side or diagonal, and k if all four points have one distance from the centre.
@@ -39,8 +39,8 @@ from ..geometry import (
 )
 from ..jit import jit, kernel
 
-# k > 0 folds the rays back beyond r = 1/√k. A point then projects to the nearer of two pixels; a
-# solution with the farther one satisfies the equations, but not the projection.
+# Upper bound of k r². A lens with k > 0 folds at r = 1/√k: a point projects to the nearer of two
+# pixels, and a solution with the farther one satisfies the equations, but not the projection.
 UNFOLDED = 1.0
 
 # A solution with a larger residual, as ``polish`` measures it, is rejected.
@@ -87,13 +87,13 @@ def solve_p4pfr(image_points: ArrayLike, board_points: ArrayLike) -> list[Soluti
     image_points : (4, 2) array
         Pixels relative to the distortion centre, x right, y down.
     board_points : (4, 2) array
-        The same points on the board's plane Z = 0, in any unit; no four on a line.
+        The same points on the board's plane Z = 0, in any unit; not all on a line.
 
     Returns
     -------
     At most six solutions, translation in the board's unit, centre (0, 0). Each reprojects the four
-    points, with all points in front of the camera. Empty if there is none: that is not an error,
-    but a sample without a solution or one that does not determine it.
+    points, with all points in front of the camera. Empty if the points have no solution or do not
+    determine it, which is not an error.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def solve_p4pfr_batch(
     """
     Solve n problems at once: ``solve_p4pfr`` for (n, 4, 2) image and board points.
 
-    ``workers`` threads share the work; the kernels release the interpreter's lock.
+    ``workers`` threads share the problems; the kernels release the GIL.
 
     Raises
     ------
@@ -213,10 +213,9 @@ def solve_minimal(
     """
     Write the solutions of one problem to ``rows`` and return their number.
 
-    max_bend bounds k r² at the farthest point (k and r in one unit); infinity: no bound.
+    max_bend bounds k r² at the farthest point (k and r in the same unit); infinity: no bound.
 
-    Each row: rotation (9), translation (3), focal length in px, and h with ray depth f + h r²
-    for r in px (so that k = h f). ``rows`` is (6, ROW_SIZE); rows past the number are undefined.
+    rows (6, ROW_SIZE), see ``solution``; rows past the number are undefined.
     """
     scale_px = scale_image(image, work.image, work.radius)
     if not (scale_px > 0.0 and board_weights(board, work.weights)):

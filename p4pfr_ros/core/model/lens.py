@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The division camera inside the kernels: six numbers, one to three terms, free centre.
+The division camera of many views in the kernels: a lens (6,), one to three terms, free centre.
 
 A point P = (X, Y, Z) of the camera's frame projects to  u = c + f s (X, Y),  s > 0, where the ray
 (d, w(|d|²)), d = s (X, Y), goes through P. With ρ² = X² + Y², q = s² ρ²:
@@ -13,7 +13,7 @@ The differential of that equation gives every derivative, with w' = dw/dq:
 
     (Z - 2 s ρ² w') ds = w' s² d(ρ²) - s dZ + q dk + q² dk2 + q³ dk3.
 
-The factor on the left is positive as far out as the lens does not fold the image.
+The factor on the left is positive up to the fold of the lens.
 """
 
 from __future__ import annotations
@@ -36,13 +36,15 @@ POSE_COLUMNS = 6
 RESIDUAL = POSE_COLUMNS + LENS_SIZE
 COLUMNS = RESIDUAL + 1
 
+# Newton's method for s with two or three terms. It starts at 1 / Z near the axis (ρ² / Z² below
+# the limit), elsewhere at the observed pixel.
 _NEWTON_STEPS = 10
 _CONVERGED = 1e-14
 _NEAR_AXIS = 0.01
 
 
 def lens_from_camera(camera: DivisionCamera, middle_px: tuple[float, float]) -> Array:
-    """Return the camera's numbers (6,), its centre relative to the middle of the image."""
+    """Return the lens (6,) of a camera, its centre relative to the middle of the image."""
     lens = np.empty(LENS_SIZE)
     lens[FOCAL], lens[K], lens[K2], lens[K3] = camera.focal_px, camera.k, camera.k2, camera.k3
     lens[CX], lens[CY] = np.subtract(camera.center_px, middle_px)
@@ -50,7 +52,7 @@ def lens_from_camera(camera: DivisionCamera, middle_px: tuple[float, float]) -> 
 
 
 def camera_from_lens(lens: Array, middle_px: tuple[float, float]) -> DivisionCamera:
-    """Return the camera of these numbers (6,)."""
+    """Return the camera of a lens (6,)."""
     focal_px, x, y, k, k2, k3 = lens.tolist()
     return DivisionCamera(focal_px, (x + middle_px[0], y + middle_px[1]), k, k2, k3)
 
@@ -111,7 +113,7 @@ def _slope(lens: Array, q: float) -> float:
 
 @kernel
 def _scale(x: float, y: float, z: float, lens: Array, u: float, v: float) -> float:
-    """Return s of a point observed about (u, v); NaN if no pixel near (u, v) sees it."""
+    """Return s of a point observed near (u, v); NaN if no pixel near (u, v) sees it."""
     rho2 = x * x + y * y
     if lens[K2] == 0.0 and lens[K3] == 0.0:
         return closed_form(z, lens[K], rho2)
@@ -131,7 +133,7 @@ def _scale(x: float, y: float, z: float, lens: Array, u: float, v: float) -> flo
 
 @kernel
 def closed_form(z: float, k: float, rho2: float) -> float:
-    """Return s of one parameter:  k ρ² s² - Z s + 1 = 0,  the root that is 1 / Z at k = 0."""
+    """Return s of a lens with one term: the root of  k ρ² s² - Z s + 1  that is 1 / Z at k = 0."""
     square = z * z - 4.0 * k * rho2
     if not square >= 0.0:
         return math.nan

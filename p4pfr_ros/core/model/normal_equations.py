@@ -1,14 +1,14 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The normal equations JᵀJ and Jᵀr of one view, point by point, for any kind of camera."""
+"""The normal equations JᵀJ and Jᵀr of one view, accumulated point by point."""
 
 from __future__ import annotations
 
 from ..geometry import Array
 from ..jit import kernel
 
-# Columns of a point: derivatives by rotation, translation, g and h; then the residual.
+# Columns of a point's Jacobian: rotation, translation, g and h; then the residual.
 COLUMNS = 9
 
 

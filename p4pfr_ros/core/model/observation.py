@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-One observation, the points of a board in one image: checked once, and scaled for the kernels.
+An observation, the points of one board in one image: checked once, and scaled for the kernels.
 
 An ``Observation`` does not depend on a camera. Relative to a distortion centre it is a
 ``CenteredView``, which is what all kernels work on.
@@ -31,7 +31,7 @@ from ..jit import jit
 
 FEWEST_POINTS = 4
 
-# Points count as collinear if they leave a line by less than this share of the board's size.
+# Points within this share of the board's size from one line count as collinear.
 _ON_A_LINE = 1e-9
 
 
@@ -40,8 +40,8 @@ class Observation:
     """
     The points of one board in one image.
 
-    image_points (N, 2) raw px and board_points (N, 2) board units are the caller's; scaled_board
-    (N, 2) is about board_mean (board units) in units of board_size. collinear: the board points
+    image_points (N, 2), raw px, and board_points (N, 2), board units, are the caller's;
+    scaled_board (N, 2) is (board_points - board_mean) / board_size. collinear: the board points
     lie on one line, or coincide. stamp: any value that identifies the observation.
     """
 
@@ -57,26 +57,26 @@ class Observation:
         return len(self.image_points)
 
     def row_from_pose(self, camera_from_board: Pose) -> Array:
-        """Return the numbers (12,) of the scaled board's pose."""
+        """Return the pose (12,) of the scaled board."""
         rotation = camera_from_board.rotation
-        moved = camera_from_board.translation + rotation[:, :2] @ self.board_mean
-        return np.concatenate([rotation.ravel(), moved / self.board_size])
+        mean_in_camera = camera_from_board.translation + rotation[:, :2] @ self.board_mean
+        return np.concatenate([rotation.ravel(), mean_in_camera / self.board_size])
 
     def pose_from_row(self, row: Array) -> Pose:
-        """Return ``camera_from_board``, board units, of the scaled board's pose (≥ 12,)."""
+        """Return ``camera_from_board``, board units, from the scaled board's pose (≥ 12,)."""
         rotation = row[:TRANSLATION].reshape(3, 3).copy()
         return Pose.unchecked(rotation, self.translation_from_row(row))
 
     def translation_from_row(self, row: Array) -> Array:
-        """Return the board's own translation, board units: R (X - m) / s + t, times s."""
+        """Return the translation in board units from the scaled board's t:  s t - R m."""
         rotation = row[:TRANSLATION].reshape(3, 3)
-        moved: Array = self.board_size * row[TRANSLATION:POSE_SIZE]
-        moved -= rotation[:, :2] @ self.board_mean
-        return moved
+        translation: Array = self.board_size * row[TRANSLATION:POSE_SIZE]
+        translation -= rotation[:, :2] @ self.board_mean
+        return translation
 
     @property
     def board_scale(self) -> tuple[float, float, float]:
-        """The mean (x, y) that was subtracted from the board points, and the size that divided."""
+        """The mean x and y, and the size, of the board points (board units), for kernels."""
         x, y = self.board_mean.tolist()
         return x, y, self.board_size
 
@@ -86,7 +86,7 @@ class Observation:
         """
         Return the view relative to a distortion centre.
 
-        image_size None: the farthest point stands in for the image's farthest corner.
+        Without image_size the farthest point replaces the image's farthest corner.
 
         Raises
         ------
@@ -173,11 +173,11 @@ def _farthest2(image: Array) -> float:
 
 @jit
 def _scale_board(points: Array, board: Array, mean: Array) -> float:
-    """Write the scaled points and the mean; return the size, infinite if its square is."""
+    """Write the scaled points and the mean; return the size, infinite if its square overflows."""
     n = len(points)
     mean[0] = mean[1] = 0.0
     for i in range(n):
-        # Relative to the first point: far from the origin a plain sum would lose digits.
+        # Relative to the first point: far from the origin a plain sum is inaccurate.
         for j in range(2):
             board[i, j] = points[i, j] - points[0, j]
             mean[j] += board[i, j] / n
@@ -191,7 +191,7 @@ def _scale_board(points: Array, board: Array, mean: Array) -> float:
             board[i, j] /= size
     for j in range(2):
         mean[j] += points[0, j]
-    # The square is the first to overflow in what follows.
+    # The kernels square it.
     return size if size * size < math.inf else math.inf
 
 
@@ -205,7 +205,7 @@ def _collinear(board: Array) -> bool:
         if square > largest2:
             farthest, largest2 = i, square
     x, y = board[farthest, 0], board[farthest, 1]
-    away = 0.0
+    deviation = 0.0
     for i in range(len(board)):
-        away = max(away, abs(x * board[i, 1] - y * board[i, 0]))
-    return not away > _ON_A_LINE * largest2
+        deviation = max(deviation, abs(x * board[i, 1] - y * board[i, 0]))
+    return not deviation > _ON_A_LINE * largest2

@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Gaussian priors on the lens: what most cameras are like, and what the caller or views add.
+Gaussian priors on the lens: a typical camera, the caller's priors, or an earlier calibration.
 
-A prior is a mean and an information matrix (inverse covariance). It completes what the data do not
-determine; a handful of views outweighs it. Views that are no longer fitted are marginalised into
-it, as information about the lens.
+A prior is a mean and an information matrix (inverse covariance). It determines the parameters that
+the data do not; a handful of views outweighs it. Views that are no longer fitted are marginalised:
+their information about the lens is added to the prior.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from ..cameras.division import DivisionCamera
 from ..geometry import Array
 from ..linalg import inverse_of_information
 
-# Most cameras have a field of view of about 60° along the diagonal, within a factor, and each term
-# of the lens changes the ray's depth at the image's corner by about a third.
+# A typical camera has a field of view of 60° along the diagonal, and no distortion. These are the
+# standard deviations of real cameras from it.
 TYPICAL_HALF_FOV_RAD = math.radians(30.0)
 FOCAL_SIGMA = 0.5  # relative
-BEND_SIGMA = 0.3  # of k |d|² at the image's corner, and of the next terms likewise
+BEND_SIGMA = 0.3  # of k |d|² at the image's corner; likewise k2 |d|⁴ and k3 |d|⁶
 
 # Marginalised views count as at most this many; older ones fade, since a lens may change slowly,
 # with temperature for example.
 _MOST_MARGINALISED = 2000.0
 
-# Smallest eigenvalue of a positive definite matrix that is scaled to ones on its diagonal.
+# Smallest eigenvalue, with ones on the diagonal, of a matrix that counts as positive definite.
 _CLEARLY_POSITIVE = 1e-9
 
 
@@ -51,10 +51,10 @@ class WeightedPrior(NamedTuple):
 @dataclass(frozen=True, slots=True, eq=False)
 class LensPrior:
     """
-    A normal distribution of the lens: mean (6,) and information (6, 6), inverse squares.
+    A Gaussian prior on the lens: mean (6,) and information (6, 6).
 
-    marginalised (6, 6) is the part of the information from views that are no longer fitted, and
-    views is their number.
+    marginalised (6, 6) is the part of the information from views that are no longer fitted; views
+    is the number of views in the prior.
     """
 
     mean: Array
@@ -64,22 +64,22 @@ class LensPrior:
 
     @classmethod
     def without_views(cls, mean: Array, information: Array, views: int = 0) -> LensPrior:
-        """Return a prior into which no view was marginalised; views: of an earlier calibration."""
+        """Return a prior without marginalised views; views: those of an earlier calibration."""
         return cls(mean, information, np.zeros((LENS_SIZE, LENS_SIZE)), views)
 
     def marginalise(
         self, information: Array, gradient: Array, lens: Array, variance: float
     ) -> LensPrior:
         """
-        Add the information (6, 6) of a view about the lens, and its negative gradient (6,).
+        Return the prior with the information (6, 6) and negative gradient (6,) of a view added.
 
-        Both are in px², at the given lens (6,) and for a noise of that variance.
+        Both are in px², at the given lens (6,); variance: of the noise, px².
         """
-        # The view's share of the cost about the lens θ is dᵀ S d - 2 gᵀ d, d the step from θ. The
-        # sum of two quadratic functions has its minimum where their gradients cancel.
+        # The view adds dᵀ S d - 2 gᵀ d to the cost, d the step from the lens. The sum of two
+        # quadratic functions has its minimum where their gradients cancel.
         faded = self.marginalised / _MOST_MARGINALISED
         total = self.information - faded + information / variance
-        if not _is_positive(total):  # a view without information, and rounding
+        if not _is_positive(total):  # rounding, in a view without information
             return self
         gradients = (information @ (lens - self.mean) + gradient) / variance
         return replace(
@@ -105,9 +105,9 @@ def typical_camera(
     image_size
         (width, height), px.
     center_sigma
-        Standard deviation of the optical centre from the middle, as a share of the diagonal.
+        Standard deviation of the centre from the middle of the image, as a share of the diagonal.
     focal
-        The caller's mean and standard deviation of the focal length, px.
+        The caller's mean and standard deviation of the focal length, px; None: not given.
     k
         The caller's mean of k, and its standard deviation (None: not given).
 
@@ -135,7 +135,7 @@ def calibrated_camera(
     middle_px: tuple[float, float],
     typical: LensPrior,
 ) -> LensPrior:
-    """Return an earlier calibration as a prior; its fixed terms have the typical camera's."""
+    """Return an earlier calibration as a prior; its fixed terms get that of a typical camera."""
     free = np.diag(covariance) > 0.0
     information = typical.information.copy()
     information[np.ix_(free, free)] = inverse_of_information(covariance[np.ix_(free, free)])

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Other local optima that explain a view as well, and other focal lengths that do.
+Alternatives: other local optima, and other focal lengths, that explain a view as well.
 
 A small or far board has a second pose that explains its image nearly as well: mirroring its normal
 in the line of sight does not change a weak perspective view. With a free camera the minimal
@@ -33,11 +33,12 @@ from ..minimal.solution import G, H, ROW_SIZE
 # Largest number of alternatives.
 MAX_OTHERS = 6
 
-# Rotations closer than this, rad, are the same optimum; starts closer than that lead to it.
+# Optima with rotations closer than this, rad, are the same; starts closer than the second angle
+# lead to the same optimum.
 _SAME_RAD = 0.02
 _SAME_START_RAD = 0.2
 
-# Whether a start leads to another optimum is mostly clear after few steps.
+# A few steps mostly show whether a start leads to another optimum.
 _WIDE = 100.0
 _FIRST_STEPS = 6
 _FIRST_TOLERANCE = 1e-2
@@ -51,11 +52,10 @@ _NO_ROWS = np.empty((0, ROW_SIZE))
 # A start with more than this share of its points beyond the wide limit is not refined.
 _MOST_BEYOND = 0.5
 
-
 # An observable focal length must be distinguishable from its half and its double.
 _FOCAL_FACTOR = 2.0
 
-# Weight that holds a focal length within a pixel or so.
+# Weight of a prior that holds the focal length within about a pixel.
 _HOLDING_WEIGHT = 1.0
 
 _HELD_STEPS = 30
@@ -74,10 +74,10 @@ def other_optima(
     work: RansacWork,
 ) -> int:
     """
-    Write the optima that cost at most the excess (px²) more to ``others`` (MAX_OTHERS, ROW_SIZE).
+    Write the other optima to ``others`` (MAX_OTHERS, ROW_SIZE), and return their number.
 
-    Their costs go to costs (MAX_OTHERS,), px²; one may be lower than that of the best. Return
-    their number.
+    They cost at most ``excess`` (px²) more than the best; their costs, of which one may even be
+    lower, go to costs (MAX_OTHERS,), px².
     """
     _mirror(best, work.local)
     count = _try_local_row(problem, best, cost, limit, excess, others, costs, 0, work)
@@ -108,7 +108,7 @@ def _try_local_row(
     count: int,
     work: RansacWork,
 ) -> int:
-    """Refine the local row of ``work``; append it if it is another optimum, and good enough."""
+    """Refine ``work.local``; append it to others if it is a new optimum and within the excess."""
     local = work.local
     if count == MAX_OTHERS:
         return count
@@ -117,24 +117,26 @@ def _try_local_row(
     if truncated_cost(local, problem, wide, hopeless) > hopeless:
         return count
     minimise(local, problem, wide, _FIRST_STEPS, _FIRST_TOLERANCE, work.refine)
-    found = minimise(local, problem, limit, _FIRST_STEPS, _FIRST_TOLERANCE, work.refine)
-    if found > cost + _PROMISING * excess or not _is_new(local, best, others, count, _SAME_RAD):
+    refined_cost = minimise(local, problem, limit, _FIRST_STEPS, _FIRST_TOLERANCE, work.refine)
+    if refined_cost > cost + _PROMISING * excess or not _is_new(
+        local, best, others, count, _SAME_RAD
+    ):
         return count
-    found = minimise(local, problem, limit, _LAST_STEPS, _LAST_TOLERANCE, work.refine)
+    refined_cost = minimise(local, problem, limit, _LAST_STEPS, _LAST_TOLERANCE, work.refine)
     if (
-        found <= cost + excess
+        refined_cost <= cost + excess
         and plausible(local, problem)
         and _is_new(local, best, others, count, _SAME_RAD)
     ):
         others[count] = local
-        costs[count] = found
+        costs[count] = refined_cost
         count += 1
     return count
 
 
 @jit
 def _is_new(row: Array, best: Array, others: Array, count: int, angle_rad: float) -> bool:
-    """Return whether a rotation differs from the best and from all others by an angle."""
+    """Return whether a rotation differs from the best and from all others by the angle."""
     # |A - B|² = 8 sin²(angle / 2)
     least = 8.0 * math.sin(0.5 * angle_rad) ** 2
     new = _squared_chord(row, best) > least
@@ -187,7 +189,7 @@ def another_focal_fits(row: Array, problem: Problem, limit: float, excess: float
     """
     Return whether half or twice the focal length raises the cost by less than ``excess``, px².
 
-    All else is refitted by least squares; row is the estimate, limit that of the inliers.
+    All other unknowns are refitted by least squares. row: the estimate; limit: of inliers, px².
 
     Near fronto-parallel views the standard deviation misleads: the estimate rests on a tilt that
     is noise, and at that tilt the focal length seems determined.
@@ -206,7 +208,7 @@ def another_focal_fits(row: Array, problem: Problem, limit: float, excess: float
             problem.rays,
             problem.across,
         )
-        # Same size in the image, same distortion: the distance scales with f, h r² / g stays.
+        # The size in the image and the bend stay the same: the distance scales with f, h with g.
         other = row.copy()
         other[G] *= factor
         other[H] *= factor

@@ -5,11 +5,11 @@
 From the best row of a search to a ``PoseEstimate``: refinement, noise, covariance, alternatives.
 
 ``ViewProblem`` holds one call of ``estimate_pose``. The compiled ``assess`` refines a row and
-fills the arrays of its result. A typical camera replaces what the view does not determine, which
-is then not observable.
+fills the arrays of its result. Quantities that the view does not determine get a typical camera's
+prior, and are reported as not observable.
 
-This module stands alone because it begins where the search ends: ``estimate_pose`` finds a row, by
-whatever route, and everything in here is about one row.
+This module stands alone because it is the second half of an estimate: ``estimate_pose`` finds a
+row, this module makes its result.
 """
 
 from __future__ import annotations
@@ -58,9 +58,10 @@ from ..model.uncertainty import (
     posterior_variance,
 )
 
-_NOT_SURPRISING = 4.0  # two standard deviations, squared
+# Largest atypicality of a typical camera: two standard deviations, squared.
+_TYPICAL = 4.0
 
-# A focal length with a smaller relative standard deviation needs no test of the likelihood.
+# A focal length with a smaller relative standard deviation needs no likelihood test.
 _CERTAIN = 0.03
 
 # Twice the log of the likelihood ratio beyond which the worse optimum is rejected: 1 in 100.
@@ -75,7 +76,7 @@ _BETTER = 1.0 - 1e-9
 
 @dataclass(frozen=True, slots=True)
 class ViewProblem:
-    """One view, with the camera if it is known, and the options of its estimation."""
+    """One view, its camera if that is known, and the options of its estimation."""
 
     view: CenteredView
     camera: DivisionCamera | None
@@ -83,7 +84,7 @@ class ViewProblem:
 
     @property
     def sigma_px(self) -> float:
-        """The standard deviation of a coordinate before it is measured, px."""
+        """The given or default standard deviation of a coordinate, px."""
         return self.options.sigma_px or DEFAULT_SIGMA_PX
 
     @property
@@ -131,7 +132,7 @@ class ViewProblem:
             variance / k_sigma**2 if k_sigma else 0.0,
         )
 
-    def surprise(self, row: Array) -> float:
+    def atypicality(self, row: Array) -> float:
         """Return the squared deviation of a row's camera from a typical one, in variances."""
         corner_px = self.view.corner_px
         by_focal = math.log2(row[G] / typical_focal_px(corner_px))
@@ -142,22 +143,23 @@ class ViewProblem:
         self, row: Array, problem: Problem, others: Array | None, status: Status, iterations: int
     ) -> PoseEstimate:
         """
-        Refine a row, and return its result.
+        Refine a row in place, and return its result.
 
-        problem: the view's, with the caller's priors. others: known alternatives; None: search.
+        problem: with the caller's priors only. others: the alternatives (n, ROW_SIZE); None: they
+        are searched.
         """
         n = len(self.view.image)
         arrays = assessment(n)
-        seek = others is None
+        search_others = others is None
         start = row.copy()
-        summary = self._assess(row, problem, seek, arrays)
+        summary = self._assess(row, problem, search_others, arrays)
         if self.options.sigma_px is None and self._has_priors:
-            # They were weighted by the default noise.
-            summary = self._assess(row, self.problem(summary.variance), seek, arrays)
+            # The priors were weighted by the default noise: now by the measured one.
+            summary = self._assess(row, self.problem(summary.variance), search_others, arrays)
         observable = self._observability(row, summary, arrays)
         if not (observable.distortion and observable.focal):
             row[:] = start
-            summary, observable = self._complete(row, observable, summary, seek, arrays)
+            summary, observable = self._complete(row, observable, summary, search_others, arrays)
         if summary.inliers < min(n, self.options.min_inliers):
             return no_estimate(Status.NO_CONSENSUS, n, iterations)
         if others is None:
@@ -178,29 +180,28 @@ class ViewProblem:
         row: Array,
         observable: Observability,
         summary: Summary,
-        seek: bool,
+        search_others: bool,
         arrays: Assessment,
     ) -> tuple[Summary, Observability]:
         """
-        Assess a row again, with a typical camera for what the view does not determine.
+        Assess a row again, with a typical camera's priors on the quantities not determined.
 
-        Quantities that hardly vary over all typical cameras are determined nevertheless: the
-        direction of a fronto-parallel board, for example. The replaced ones are not.
+        Those stay not observable. Others, which hardly vary over all typical cameras, become
+        observable: the direction of a fronto-parallel board, for example.
         """
         variance = summary.variance
-        # An exact solution of four points by a typical camera stays exact, among the others.
-        steps = 0 if not seek and self.surprise(row) < _NOT_SURPRISING else STEPS
+        # An exact solution of four points, one of several, stays exact if its camera is typical.
+        steps = 0 if not search_others and self.atypicality(row) < _TYPICAL else STEPS
         if not observable.distortion:
             problem = self.problem(variance, typical_k=True)
-            summary = self._assess(row, problem, seek, arrays, steps)
+            summary = self._assess(row, problem, search_others, arrays, steps)
             observable = replace(self._observability(row, summary, arrays), distortion=False)
         if not observable.focal:
             typical_k = not observable.distortion
             problem = self.problem(variance, typical_k=typical_k, typical_focal=True)
-            summary = self._assess(row, problem, seek, arrays, steps)
-            distortion = observable.distortion
-            observable = self._observability(row, summary, arrays)
-            distortion = observable.distortion and distortion
+            summary = self._assess(row, problem, search_others, arrays, steps)
+            before, observable = observable, self._observability(row, summary, arrays)
+            distortion = before.distortion and observable.distortion
             observable = replace(observable, distance=False, focal=False, distortion=distortion)
         return summary, observable
 
@@ -211,11 +212,16 @@ class ViewProblem:
         )
 
     def _assess(
-        self, row: Array, problem: Problem, seek: bool, arrays: Assessment, steps: int = STEPS
+        self,
+        row: Array,
+        problem: Problem,
+        search_others: bool,
+        arrays: Assessment,
+        steps: int = STEPS,
     ) -> Summary:
         limit, sigma_px = self.options.threshold_px**2, self.options.sigma_px or 0.0
-        board = self.view.observation.board_scale
-        return Summary(*assess(row, problem, limit, sigma_px, board, seek, steps, arrays))
+        scale = self.view.observation.board_scale
+        return Summary(*assess(row, problem, limit, sigma_px, scale, search_others, steps, arrays))
 
     def _observability(self, row: Array, summary: Summary, arrays: Assessment) -> Observability:
         translation = self.view.observation.translation_from_row(row)
@@ -226,7 +232,7 @@ class ViewProblem:
         certain = self.camera is not None or share < _CERTAIN
         if certain or not observable.focal or len(self.view.image) == 4:
             return observable
-        # The standard deviation may mislead: test the likelihood, with the caller's priors alone.
+        # The standard deviation may mislead: test the likelihood, with the caller's priors only.
         limit = self.options.threshold_px**2
         problem = self.problem(summary.variance)
         if another_focal_fits(row, problem, limit, MAX_RATIO * summary.variance):
@@ -262,7 +268,7 @@ class Assessment(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Number of inliers, sum of their squared errors, noise variance (px²), number of others."""
+    """Number of inliers, their squared errors' sum, noise variance (px²), number of others."""
 
     inliers: int
     total: float
@@ -292,23 +298,27 @@ def inliers_of(row: Array, problem: Problem, limit: float, squares: Array) -> tu
 
 @jit
 def measured_noise(
-    problem: Problem, of_prior: float, inliers: tuple[int, float], limit: float, sigma_px: float
+    problem: Problem,
+    prior_squares: float,
+    inliers: tuple[int, float],
+    limit: float,
+    sigma_px: float,
 ) -> tuple[float, int]:
     """
-    Return the noise variance, px², and the number of spare coordinates that measured it.
+    Return the noise variance, px², and the degrees of freedom with which it was measured.
 
-    of_prior: the prior's squared residuals, px². Zero spare coordinates: the noise was given
-    (sigma_px > 0), or four points leave too few.
+    prior_squares: the squared residuals of the priors, px². 0 degrees of freedom: the noise was
+    given (sigma_px > 0), or the points are too few to measure it.
     """
     if sigma_px > 0.0:
         return sigma_px * sigma_px, 0
     count, total = inliers
     prior = problem.prior
-    known = (1 if prior.focal_weight > 0.0 else 0) + (1 if prior.k_weight > 0.0 else 0)
-    spare = 2 * count + known - problem.unknowns
-    if len(problem.image) == 4 or spare <= 0:
+    priors = (1 if prior.focal_weight > 0.0 else 0) + (1 if prior.k_weight > 0.0 else 0)
+    dof = 2 * count + priors - problem.unknowns
+    if len(problem.image) == 4 or dof <= 0:
         return DEFAULT_SIGMA_PX * DEFAULT_SIGMA_PX, 0
-    return noise_variance(total + of_prior, spare, limit), spare
+    return noise_variance(total + prior_squares, dof, limit), dof
 
 
 @jit
@@ -317,28 +327,28 @@ def assess(
     problem: Problem,
     limit: float,
     sigma_px: float,
-    board: tuple[float, float, float],
-    seek: bool,
+    board_scale: tuple[float, float, float],
+    search_others: bool,
     steps: int,
     arrays: Assessment,
 ) -> tuple[int, float, float, int]:
     """
     Refine ``row`` in place, in at most ``steps``, and fill the arrays of its assessment.
 
-    sigma_px 0: the noise is measured. seek: whether to search for other optima. Return the fields
-    of ``Summary``.
+    sigma_px 0: the noise is measured. board_scale: see ``Observation``. Return the fields of
+    ``Summary``.
     """
     work = ransac_work()
-    cost, count, total, variance, spare = _refined(
-        row, problem, limit, sigma_px, board, steps, arrays, work
+    cost, count, total, variance, dof = _refined(
+        row, problem, limit, sigma_px, board_scale, steps, arrays, work
     )
     others = 0
-    if seek:
-        excess = largest_excess(variance, spare, MAX_RATIO)
+    if search_others:
+        excess = largest_excess(variance, dof, MAX_RATIO)
         others = other_optima(problem, row, cost, limit, excess, arrays.others, arrays.costs, work)
-        if _exchanged(row, cost, others, arrays, work):
+        if _swap_with_better(row, cost, others, arrays, work):
             _, count, total, variance, _ = _refined(
-                row, problem, limit, sigma_px, board, steps, arrays, work
+                row, problem, limit, sigma_px, board_scale, steps, arrays, work
             )
     return count, total, variance, others
 
@@ -349,12 +359,12 @@ def _refined(
     problem: Problem,
     limit: float,
     sigma_px: float,
-    board: tuple[float, float, float],
+    board_scale: tuple[float, float, float],
     steps: int,
     arrays: Assessment,
     work: RansacWork,
 ) -> tuple[float, int, float, float, int]:
-    """Return the cost, the inliers' number and sum, the noise and its spare coordinates."""
+    """Return cost, number of inliers and their sum, noise variance and its degrees of freedom."""
     work.local[:] = row
     cost = minimise(work.local, problem, limit, steps, _TOLERANCE, work.refine)
     if plausible(work.local, problem):
@@ -362,21 +372,23 @@ def _refined(
     else:
         cost = truncated_cost(row, problem, limit, math.inf)
     count, total = inliers_of(row, problem, limit, arrays.squares)
-    variance, spare = measured_noise(
+    variance, dof = measured_noise(
         problem, prior_cost(row, problem.prior), (count, total), limit, sigma_px
     )
     normal_equations(row, problem, limit, work.refine)
-    widened = posterior_variance(variance, spare, limit)
+    widened = posterior_variance(variance, dof, limit)
     system = work.refine.system
     covariance_from(
-        work.refine.normal, problem.unknowns, widened, row, board, system, arrays.covariance
+        work.refine.normal, problem.unknowns, widened, row, board_scale, system, arrays.covariance
     )
-    return cost, count, total, variance, spare
+    return cost, count, total, variance, dof
 
 
 @jit
-def _exchanged(row: Array, cost: float, others: int, arrays: Assessment, work: RansacWork) -> bool:
-    """Exchange the row with the best of the others if that is better; return whether it is."""
+def _swap_with_better(
+    row: Array, cost: float, others: int, arrays: Assessment, work: RansacWork
+) -> bool:
+    """Swap the row with the best of the others if that costs less; return whether it did."""
     best = -1
     for i in range(others):
         if arrays.costs[i] < cost * _BETTER:
@@ -391,7 +403,7 @@ def _exchanged(row: Array, cost: float, others: int, arrays: Assessment, work: R
 
 @jit
 def refine_wide(row: Array, problem: Problem, wide: float, limit: float) -> None:
-    """Refine a distant row, first with a wide limit."""
+    """Refine a row far from its optimum, at first with a wide limit."""
     work = ransac_work().refine
     minimise(row, problem, wide, STEPS, _TOLERANCE, work)
     minimise(row, problem, limit, STEPS, _TOLERANCE, work)

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``estimate_pose``: the pose of a board from one view, with outliers among its points."""
+"""``estimate_pose``: pose and camera from one view of a board, outliers rejected."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ from ..model.observation import (
 
 _DEFAULTS = EstimateOptions()
 
-# A guessed camera misses by some pixels: its pose is searched with a wider threshold (of squares).
+# Factor of the threshold on squared errors in a search with a typical camera, whose inliers may be
+# off by some pixels.
 _WIDE = 100.0
 
 
@@ -118,7 +119,7 @@ def estimate_observation(
     if observation.collinear:
         return no_estimate(Status.COLLINEAR, len(view.image), 0)
     problem = ViewProblem(view, camera, options)
-    return _from_four(problem) if len(view.image) == 4 else _from_many(problem)
+    return _estimate_from_four(problem) if len(view.image) == 4 else _estimate_from_many(problem)
 
 
 def _checked_options(options: EstimateOptions | None) -> EstimateOptions:
@@ -133,19 +134,19 @@ def _estimate_by_model(
     observation: Observation, model: CameraInfoModel, options: EstimateOptions
 ) -> PoseEstimate:
     """
-    Estimate the pose by a camera of another model than ours.
+    Estimate the pose with a camera in a CameraInfo model.
 
-    Each pixel's ray is exact by that model. It is projected by the closest division camera, so
-    that threshold, rms_px and covariance are in raw pixels (up to the residual between the two
-    models) at the rim of wide lenses too, where an undistorted plane would stretch them.
+    Each pixel is replaced by the projection of its exact ray with the closest division camera.
+    Threshold, rms_px and covariance stay in raw pixels (up to the residual between the two
+    models), even at the rim of a wide lens, which an undistorted image would stretch.
     """
     camera = _closest(model)
-    moved = camera.project(model.unproject(observation.image_points))
-    visible = ~np.isnan(moved).any(axis=1)
+    pixels = camera.project(model.unproject(observation.image_points))
+    visible = ~np.isnan(pixels).any(axis=1)
     if np.count_nonzero(visible) < FEWEST_POINTS:
         return no_estimate(Status.NO_SOLUTION, len(observation), 0)
-    projected = observe(moved[visible], observation.board_points[visible])
-    estimate = estimate_observation(projected, model.image_size, None, camera, options)
+    replaced = observe(pixels[visible], observation.board_points[visible])
+    estimate = estimate_observation(replaced, model.image_size, None, camera, options)
     inliers = np.zeros(len(observation), dtype=bool)
     inliers[visible] = estimate.inliers
     return replace(estimate, inliers=inliers)
@@ -153,12 +154,12 @@ def _estimate_by_model(
 
 @functools.lru_cache(maxsize=16)
 def _closest(model: CameraInfoModel) -> DivisionCamera:
-    """Return the closest division camera, cached from view to view."""
+    """Return the closest division camera; cached for the next view."""
     return division_camera_from_model(model)[0]
 
 
-def _from_four(view: ViewProblem) -> PoseEstimate:
-    """Rank the solutions of exactly four points."""
+def _estimate_from_four(view: ViewProblem) -> PoseEstimate:
+    """Estimate from exactly four points: rank all solutions."""
     problem = view.problem()
     rows = np.empty((MAX_ROOTS + 1, ROW_SIZE))
     costs = np.empty(MAX_ROOTS + 1)
@@ -171,7 +172,7 @@ def _from_four(view: ViewProblem) -> PoseEstimate:
         count += 1
     if count == 0:
         return no_estimate(Status.NO_SOLUTION, 4, 1)
-    # All four are inliers. Without a prior a free camera fits them exactly.
+    # All four are inliers: without a prior a free camera fits them exactly.
     refine_all(rows, count, problem, costs)
     if count == 1:
         return view.describe(rows[0], problem, None, Status.FOUR_POINTS, 1)
@@ -180,7 +181,7 @@ def _from_four(view: ViewProblem) -> PoseEstimate:
 
 
 def _pose_of_four(view: ViewProblem, problem: Problem, rows: Array) -> PoseEstimate:
-    """Refine the pose by a known camera from its closed form, or from weak perspective."""
+    """Estimate with a known camera: start from the closed form, or from weak perspective."""
     costs = np.empty(2)
     refine_all(rows, len(rows), problem, costs)
     if len(rows) == 0 or not costs[0] < view.options.threshold_px**2:
@@ -192,14 +193,14 @@ def _pose_of_four(view: ViewProblem, problem: Problem, rows: Array) -> PoseEstim
     return view.describe(best, problem, None, Status.FOUR_POINTS, 1)
 
 
-def _from_many(view: ViewProblem) -> PoseEstimate:
-    """Search, refine, and look for other optima."""
+def _estimate_from_many(view: ViewProblem) -> PoseEstimate:
+    """Estimate from more than four points: search the best row, and describe it."""
     best = np.empty(ROW_SIZE)
     search = _search(view, 1.0)
     problem = view.problem()
     iterations, cost = search_best(problem, search, best)
     if view.has_focal_prior:
-        # Samples of a fronto-parallel view have any focal length but that of the prior.
+        # The samples of a fronto-parallel view have arbitrary focal lengths: try the prior's, too.
         start = _typical_start(view)
         if start is not None and truncated_cost(start, problem, search.limit, cost) < cost:
             best, cost = start, 0.0
@@ -217,7 +218,7 @@ def _from_many(view: ViewProblem) -> PoseEstimate:
 
 
 def _other_starts(view: ViewProblem) -> Array:
-    """Return rows (n, ROW_SIZE) for a view whose samples have no solution, or a bad one."""
+    """Return start rows (n, ROW_SIZE) for a view whose samples did not lead to an estimate."""
     if view.camera is None:
         start = _typical_start(view)
         return np.empty((0, ROW_SIZE)) if start is None else start[None]
@@ -239,7 +240,7 @@ def _search(view: ViewProblem, widen: float) -> Search:
 
 
 def _typical_start(view: ViewProblem) -> Array | None:
-    """Return a row by the camera of the priors or a typical one, refined with it as a prior."""
+    """Return a row with the camera of the priors, else a typical one, as a prior; or None."""
     typical = view.problem(typical_focal=True, typical_k=True)
     focal_px, k = typical.prior.focal_px, typical.prior.k
     lens = DivisionCamera(focal_px, (0.0, 0.0), k)
@@ -254,12 +255,12 @@ def _typical_start(view: ViewProblem) -> Array | None:
 
 
 def _ranked(rows: Array, costs: Array, view: ViewProblem, by_cost: bool) -> Array:
-    """Sort solutions by cost, or if all cost nothing by how typical their cameras are."""
+    """Sort by cost, or by how typical the cameras are if all fit exactly; drop duplicates."""
     if by_cost:
         order = np.argsort(costs, kind='stable')
         order = order[costs[order] - costs.min() <= MAX_RATIO * view.sigma_px**2]
     else:
-        order = np.argsort([view.surprise(row) for row in rows], kind='stable')
+        order = np.argsort([view.atypicality(row) for row in rows], kind='stable')
     different: list[Array] = []
     for row in rows[order]:
         if not any(same_optimum(row, other) for other in different):

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A view by an unknown camera: its solver, reprojection error, Jacobian, and priors.
+One view with an unknown camera: minimal solver, reprojection error, Jacobian, and priors.
 
 The pixel (x, y) from the centre sees the ray (x, y, g + h r²). A point P = (X, Y, Z) of the
 camera's frame therefore projects to σ (X, Y), with ρ² = X² + Y² and
@@ -38,15 +38,15 @@ class Gates(NamedTuple):
 
 @kernel
 def hypotheses(gates: Gates, rows: Array, work: Workspace) -> int:
-    """Solve the sample; move the plausible solutions to the front; return their number."""
-    kept = 0
-    found = solve_minimal(work.sample_image, work.sample_board, UNFOLDED, rows, work)
-    for s in range(found):
+    """Solve the sample; write the plausible solutions to rows; return their number."""
+    count = 0
+    solved = solve_minimal(work.sample_image, work.sample_board, UNFOLDED, rows, work)
+    for s in range(solved):
         if plausible(rows[s], gates):
             for j in range(ROW_SIZE):
-                rows[kept, j] = rows[s, j]
-            kept += 1
-    return kept
+                rows[count, j] = rows[s, j]
+            count += 1
+    return count
 
 
 @kernel
@@ -97,7 +97,7 @@ def linearise(row: Array, board: Array, image: Array, i: int, jacobian: Array) -
         jacobian[0, 8] = jacobian[1, 8] = math.nan
         return
     rho2 = x * x + y * y
-    # At the fold, w = 0, the derivatives are infinite; huge ones serve as well.
+    # At the fold, w = 0, the derivatives would be infinite; huge ones serve as well.
     inverse = 1.0 / max(math.sqrt(max(z * z - 4.0 * g * h * rho2, 0.0)), _SMALLEST_W)
     # dσ = s_x dX + s_y dY + s_z dZ + s_g dg + s_h dh
     bend = 2.0 * h * sigma * sigma * inverse
@@ -140,8 +140,8 @@ class Prior(NamedTuple):
     """
     Gaussian priors on the focal length (px) and k; weight 0: no prior.
 
-    A weight is the variance of the image noise over that of the prior, so that the prior's
-    squares are in px² like those of the points.
+    A weight is the variance of the image noise over that of the prior, so that the squared
+    residuals of the prior are in px² like those of the points.
     """
 
     focal_px: float

@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-A view by a known camera: the pose alone, by the camera's rays, for any lens.
+One view with a known camera: the pose alone, from the rays of the pixels, for any lens.
 
 With the rays ρᵢ of four points, Σ mᵢ λᵢ ρᵢ = 0 (see ``minimal.cone``) is three equations in four
 depths: by Cramer's rule mᵢ λᵢ = ± det(the other three rays), and the pose follows in closed form.
 
-Errors are in pixels nevertheless: close to its ray, a point P of the camera's frame misses its
-pixel by  e = W P / (ρ · P),  ρ the unit ray and W (2, 3) the pixels per unit of displacement
-across it (W ρ = 0). This is exact at e = 0 and of first order about it, for any camera.
+Errors are in pixels nevertheless: a point P of the camera's frame, close to the unit ray ρ of its
+pixel, has the reprojection error  e = W P / (ρ · P),  W (2, 3) the pixels per unit of displacement
+across the ray (W ρ = 0). This is a first-order approximation, exact at e = 0, for any camera.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def rays_and_across(
 
 @kernel
 def hypothesis(rays: Array, chosen: Ints, row: Array, work: Workspace) -> int:
-    """Write the pose of the sample, if there is one; return 1 or 0."""
+    """Write the pose of the sample to row; return 1, or 0 if it has none."""
     a, b, c, d = rays[chosen[0]], rays[chosen[1]], rays[chosen[2]], rays[chosen[3]]
     m = work.weights
     # With three collinear board points Cramer's rule does not determine the fourth's depth.
@@ -85,7 +85,7 @@ def _pose_from_depths(
     duals: Array,
     row: Array,
 ) -> bool:
-    """Write rotation and centroid of the corners Qᵢ = λᵢ ρᵢ, which are the board's up to scale."""
+    """Write rotation and centroid of the points Qᵢ = λᵢ ρᵢ, the board's corners up to scale."""
     sign = 1.0 if depths[0] > 0.0 else -1.0
     h1 = h2 = h3 = 0.0j
     mx = my = mz = 0.0
@@ -189,10 +189,10 @@ def add_points(
 
 def weak_perspective_rows(rays: Array, board: Array) -> Array:
     """
-    Return two rows (2, ROW_SIZE) by weak perspective, each the flip of the other.
+    Return the two poses by weak perspective as rows (2, ROW_SIZE), mirror images of each other.
 
-    rays (N, 3), board (N, 2). Empty if the rays coincide or span more than a half space. Four
-    noisy, nearly collinear points may have no closed form; they have a weak perspective pose.
+    rays (N, 3), board (N, 2). Empty if the rays coincide or span more than a half space. These
+    rows are needed for four noisy, nearly collinear points, which may have no closed-form pose.
     """
     sight = rays.mean(axis=0)
     if not (rays @ sight > 0.0).all():

@@ -4,9 +4,8 @@
 """
 Least squares of one view: the problem, Levenberg-Marquardt on its truncated error, the covariance.
 
-The camera is unknown (``free_camera``) or known (``known_camera``): a flag in the problem, not a
-function handed to the loops, because Numba cannot cache a function that has functions among its
-arguments. The branch is always taken the same way.
+The camera is unknown (``free_camera``) or known (``known_camera``). A number in the problem
+selects between the two, since Numba cannot cache a function with functions as arguments.
 """
 
 from __future__ import annotations
@@ -31,7 +30,6 @@ from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, pose_to_publi
 POSE_AND_CAMERA = 8
 POSE = 6
 
-
 # Damping, relative to the diagonal of JᵀJ.
 _FIRST_DAMPING = 1e-4
 _SMALLEST_DAMPING = 1e-12
@@ -43,7 +41,7 @@ class Problem(NamedTuple):
     One view of a board.
 
     image (N, 2) px from the centre, board (N, 2) scaled; unknowns: POSE_AND_CAMERA or POSE. With
-    a known camera, rays (N, 3) are the pixels' rays and across (N, 2, 3) their derivatives.
+    a known camera, rays (N, 3) are ρ and across (N, 2, 3) is W of ``known_camera``.
     """
 
     image: Array
@@ -91,7 +89,7 @@ def hypotheses(problem: Problem, chosen: Ints, rows: Array, work: Workspace) -> 
 
 @jit
 def plausible(row: Array, problem: Problem) -> bool:
-    """Return whether the row's camera is within the limits; a known camera always is."""
+    """Return whether the row's camera is within the gates; a known camera always is."""
     return problem.unknowns == POSE or free_camera.plausible(row, problem.gates)
 
 
@@ -117,7 +115,7 @@ def linearise(row: Array, problem: Problem, i: int, jacobian: Array) -> None:
     """
     Write the (2, 9) derivatives and residual of point i, px; NaN if it is not visible.
 
-    Columns: by the rotation (radians about the camera's axes), the translation, g, h; residual.
+    Columns: rotation (radians about the camera's axes), translation, g, h; then the residual.
     """
     if problem.unknowns == POSE:
         known_camera.linearise(row, problem.board, problem.rays, problem.across, i, jacobian)
@@ -174,12 +172,12 @@ def least_squares_work() -> LeastSquaresWork:
 @jit
 def truncated_cost(row: Array, problem: Problem, limit: float, enough: float) -> float:
     """
-    Sum the squared errors, each truncated at ``limit`` px², and the prior's, which are not.
+    Sum the squared errors, each truncated at ``limit`` px², and those of the prior, which are not.
 
-    Stop if the sum exceeds enough.
+    Stop if the sum exceeds ``enough``.
     """
-    of_prior = prior_cost(row, problem.prior)
-    return of_prior + truncated_sum(row, problem, limit, enough - of_prior)
+    prior_squares = prior_cost(row, problem.prior)
+    return prior_squares + truncated_sum(row, problem, limit, enough - prior_squares)
 
 
 @jit
@@ -206,7 +204,7 @@ def minimise(
     work: LeastSquaresWork,
 ) -> float:
     """
-    Minimise the truncated cost, starting from ``row`` and in place; return the cost.
+    Minimise the truncated cost, in place from ``row``, by Levenberg-Marquardt; return the cost.
 
     It ends after max_steps trials, if a step lowers the cost by no more than the relative
     ``tolerance``, or if no step lowers it.
@@ -264,7 +262,7 @@ def covariance_from(
     unknowns: int,
     variance: float,
     row: Array,
-    board: tuple[float, float, float],
+    board_scale: tuple[float, float, float],
     system: Array,
     covariance: Array,
 ) -> None:
@@ -272,15 +270,14 @@ def covariance_from(
     Write the (8, 8) covariance of x, y, z, rotation x, y, z, focal_px, k.
 
     normal is JᵀJ by rotation, translation of the scaled board, g, h; with a known camera (six
-    unknowns) the rows and columns of focal_px and k are zero. board: the mean (x, y) subtracted
-    from the board's points (board units), and the size that divided them.
+    unknowns) the rows and columns of focal_px and k are zero. board_scale: see ``Observation``.
     """
     covariance[:, :] = 0.0
     invert_information(normal, unknowns, system, covariance)
     for j in range(COVARIANCE_SIZE):
-        _to_public(covariance[:, j], row, board)
+        _to_public(covariance[:, j], row, board_scale)
     for j in range(COVARIANCE_SIZE):
-        _to_public(covariance[j, :], row, board)
+        _to_public(covariance[j, :], row, board_scale)
     for a in range(COVARIANCE_SIZE):
         for b in range(a + 1):
             mean = 0.5 * variance * (covariance[a, b] + covariance[b, a])
@@ -288,8 +285,8 @@ def covariance_from(
 
 
 @kernel
-def _to_public(v: Array, row: Array, board: tuple[float, float, float]) -> None:
-    """Convert (ω, t of the scaled board, g, h) to (t of the board's origin, ω, f, k), in place."""
-    pose_to_public(v, row, board)
+def _to_public(v: Array, row: Array, board_scale: tuple[float, float, float]) -> None:
+    """Convert changes of (ω, t of the scaled board, g, h) to those of (t, ω, f, k), in place."""
+    pose_to_public(v, row, board_scale)
     # k = g h.
     v[COV_K] = row[H] * v[COV_FOCAL] + row[G] * v[COV_K]

@@ -5,9 +5,9 @@
 The robust search: LO-MSAC, in one compiled function.
 
 Draw four points, solve, score by the truncated squared error (MSAC; Torr and Zisserman 2000),
-refine each new best by least squares over the same truncated error (LO; Chum, Matas and Kittler
-2003), and stop when a better sample is no longer likely. Samples are drawn without replacement;
-those too flat to solve are drawn again.
+refine each new best model by least squares over the same truncated error (LO; Chum, Matas and
+Kittler 2003), and stop when a better sample is unlikely. Samples are drawn without replacement;
+nearly collinear ones are drawn again.
 """
 
 from __future__ import annotations
@@ -40,10 +40,9 @@ _WIDE_STEPS = 3
 _LOCAL_STEPS = 6
 _LOCAL_TOLERANCE = 1e-3
 
-# If all points are inliers, with this many spare coordinates, few samples are enough.
+# If all points are inliers, with this many degrees of freedom, few samples are enough.
 _MANY = 16
 _FEW_SAMPLES = 3
-
 
 # A sample is drawn again if its largest triangle is below this share of the board's squared
 # extent, or not larger than the noise in the image.
@@ -52,9 +51,9 @@ _REDRAWS = 20
 
 
 class Search(NamedTuple):
-    """Length of the search, and the largest distance of an inlier."""
+    """The threshold of inliers, and the length of the search."""
 
-    limit: float  # px², the square of the inliers' threshold
+    limit: float  # px², the squared threshold of inliers
     confidence: float
     min_iterations: int
     max_iterations: int
@@ -62,7 +61,7 @@ class Search(NamedTuple):
 
 
 class RansacWork(NamedTuple):
-    """Workspace of the loop, allocated once a call."""
+    """Workspace of the loop, allocated once per call."""
 
     chosen: Ints
     rows: Array
@@ -158,19 +157,19 @@ def draw_sample(
 
 @jit
 def smallest_triangles(board: Array, limit: float) -> tuple[float, float]:
-    """Return twice the area that a sample's largest triangle must have: image px², board."""
+    """Return twice the minimum area of a sample's largest triangle, in image (px²) and board."""
     width = height = 0.0
     for i in range(len(board)):
         width = max(width, abs(board[i, 0]))
         height = max(height, abs(board[i, 1]))
-    # In the image: no smaller than the square of twice the inliers' threshold.
+    # In the image: the square of twice the threshold of inliers.
     return 4.0 * limit, _SMALLEST_SHARE * (width * width + height * height)
 
 
 @jit
 def samples_needed(inliers: int, points: int, confidence: float) -> float:
-    """Return the number of samples that contain, with that confidence, one without outliers."""
-    # Drawn without replacement: for few points less likely than the inlier ratio's fourth power.
+    """Return how many samples contain one without outliers, with this confidence."""
+    # Without replacement: for few points this is less than the fourth power of the inlier ratio.
     all_inside = 1.0
     for i in range(4):
         all_inside *= max(inliers - i, 0) / (points - i)
@@ -192,10 +191,10 @@ def _next_state(state: int) -> int:
 
 @jit
 def _among(index: int, chosen: Ints, count: int) -> bool:
-    found = False
+    present = False
     for i in range(count):
-        found = found or chosen[i] == index
-    return found
+        present = present or chosen[i] == index
+    return present
 
 
 @jit

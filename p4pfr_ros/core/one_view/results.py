@@ -4,8 +4,8 @@
 """
 The options and the result of ``estimate_pose``.
 
-``Observability`` names the quantities that one view determines at all; a covariance must not
-pretend otherwise.
+``Observability`` names the quantities that a view determines; in the covariance the others have
+infinite variances.
 """
 
 from __future__ import annotations
@@ -21,16 +21,15 @@ from ..minimal.solution import Solution
 from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, POSITION, ROTATION, sigma_at
 from ..options import check_ranges, option
 
-# A quantity counts as observable if its standard deviation is below: a share of itself for focal
-# length and distance; radians for the direction of the board; for the distortion, the change of
-# k |d|² at the image's corner.
+# Largest standard deviations of observable quantities: focal length and distance, relative; the
+# direction of the board, radians; the distortion, as k |d|² at the image's corner.
 _MAX_SHARE = 0.3
 _MAX_DIRECTION_RAD = 0.3
 _MAX_BEND = 0.3
 
 
 class Status(enum.Enum):
-    """How the estimation ended; the value is a sentence for people."""
+    """How the estimation ended; the value is a sentence to print."""
 
     CONFIDENT = 'enough samples were drawn for the requested confidence'
     SPENT = 'the maximum number of samples was drawn'
@@ -116,7 +115,7 @@ class EstimateOptions:
         low=1e-6,
         high=100.0,
     )
-    # The lower limits of sigmas keep 1 / sigma^2 from drowning all else in rounding.
+    # With smaller sigmas, 1 / sigma² would be so large that other information is lost in rounding.
     sigma_px: float | None = option(
         None,
         'Standard deviation of a corner, pixels, for the covariance. Not given: measured from the '
@@ -269,9 +268,9 @@ def observability_of(
     focal_px: float, translation: Array, covariance: Array, corner_px: float
 ) -> Observability:
     """
-    Judge by the standard deviations which quantities a view determines.
+    Return which quantities a view determines, by their standard deviations.
 
-    translation is the board's (its unit), corner_px the distance of the image's farthest corner
+    translation: of the board, board units; corner_px: the distance of the image's farthest corner
     from the centre.
     """
     x, y, z = translation.tolist()
@@ -285,7 +284,7 @@ def observability_of(
     bend = math.sqrt(max(c[COV_K][COV_K], 0.0)) * (corner_px / focal_px) ** 2
     return Observability(
         direction=sum(c[i][i] for i in range(8)[ROTATION]) < _MAX_DIRECTION_RAD**2,
-        # Its variance is along / distance².
+        # The variance of the distance is along / distance².
         distance=along < (_MAX_SHARE * distance2) ** 2,
         focal=c[COV_FOCAL][COV_FOCAL] < (_MAX_SHARE * focal_px) ** 2,
         distortion=bend < _MAX_BEND,
@@ -296,9 +295,9 @@ def mark_undetermined(covariance: Array, observable: Observability) -> Array:
     """Give the undetermined quantities infinite variances, and no correlations (NaN)."""
     if not observable.undetermined:
         return covariance
-    known = np.empty(COVARIANCE_SIZE, dtype=bool)
-    known[POSITION], known[ROTATION] = observable.distance, observable.direction
-    known[COV_FOCAL], known[COV_K] = observable.focal, observable.distortion
-    honest: Array = np.where(np.outer(known, known), covariance, np.nan)
-    honest[np.diag_indices(COVARIANCE_SIZE)] = np.where(known, np.diag(covariance), np.inf)
-    return honest
+    determined = np.empty(COVARIANCE_SIZE, dtype=bool)
+    determined[POSITION], determined[ROTATION] = observable.distance, observable.direction
+    determined[COV_FOCAL], determined[COV_K] = observable.focal, observable.distortion
+    marked: Array = np.where(np.outer(determined, determined), covariance, np.nan)
+    marked[np.diag_indices(COVARIANCE_SIZE)] = np.where(determined, np.diag(covariance), np.inf)
+    return marked

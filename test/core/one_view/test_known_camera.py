@@ -30,7 +30,7 @@ def test_with_a_known_camera_only_the_pose_is_estimated(n, sample):
     assert np.median(angles) < np.radians(1.0)
 
 
-def test_the_pose_by_a_known_wide_lens_is_exact():
+def test_the_pose_with_a_known_wide_lens_is_exact():
     camera = DivisionCamera(350.0, (639.5, 479.5), -0.25, -0.02, 0.001)
     pose = Pose.from_rotation_vector([2.6, 0.3, -0.2], [0.1, -0.2, 0.8])
     board = np.random.default_rng(9).uniform(-0.5, 0.5, (20, 2))

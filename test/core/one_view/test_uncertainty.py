@@ -55,7 +55,7 @@ def test_normalised_errors_and_intervals_match_the_covariance(n, sigma_px, sampl
     np.testing.assert_allclose(inside.mean(axis=0), 0.95, atol=tolerance)
 
 
-def test_the_covariance_of_a_pose_by_a_known_camera_matches_its_error(sample):
+def test_the_covariance_of_a_pose_with_a_known_camera_matches_its_error(sample):
     errors, covariances = errors_and_covariances(24, sample(VIEWS, 3), known=True)
     errors, covariances = errors[:, :6], covariances[:, :6, :6]
     squares = normalised(errors, covariances)
