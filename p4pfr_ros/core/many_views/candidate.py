@@ -95,7 +95,7 @@ class Candidate:
 
     @cached_property
     def alone(self) -> PoseEstimate:
-        """The estimate from the view alone, but with the optical centre of the fit."""
+        """The estimate from the view alone, but with the principal point of the fit."""
         center_px = self.camera.center_px
         return estimate_observation(
             self.view.observation, self.image_size, center_px, None, self.robust
@@ -153,7 +153,7 @@ class Candidate:
 
     def estimate_alone(self, typical: LensPrior) -> PoseEstimate:
         """
-        Estimate from the view alone, with an uncertain optical centre.
+        Estimate from the view alone, with an uncertain principal point.
 
         Four points are too few to estimate a centre: their result is ``alone``.
         """

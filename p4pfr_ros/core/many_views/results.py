@@ -55,11 +55,11 @@ class CalibrationOptions:
     focal_tolerance
         Calibrated below this standard deviation of the focal length, as a share of it.
     center_tolerance
-        The same for the optical centre, as a share of the image diagonal.
+        The same for the principal point, as a share of the image diagonal.
     bend_tolerance
         The same for the distortion at the image's corner, k |d|².
     center_spread
-        Prior standard deviation of the optical centre from the middle of the image, as a share
+        Prior standard deviation of the principal point from the middle of the image, as a share
         of the diagonal.
     new_view
         A view is new if its points are at least this far from their places in every keyframe, as
@@ -90,7 +90,7 @@ class CalibrationOptions:
     )
     center_tolerance: float = option(
         0.005,
-        'Calibrated below this standard deviation of the optical centre, as a share of the image '
+        'Calibrated below this standard deviation of the principal point, as a share of the image '
         'diagonal.',
         low=1e-6,
         high=0.5,
@@ -104,7 +104,7 @@ class CalibrationOptions:
     )
     center_spread: float = option(
         0.03,
-        'Prior standard deviation of the optical centre from the middle of the image, as a share '
+        'Prior standard deviation of the principal point from the middle of the image, as a share '
         'of the diagonal.',
         low=1e-6,
         high=0.5,

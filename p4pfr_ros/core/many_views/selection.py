@@ -62,7 +62,8 @@ def poses_of(fit: JointFit) -> Array:
 def unscaled_row(row: Array, observation: Observation) -> Array:
     """Return the pose (12,) in board units from that of the scaled board."""
     unscaled = row.copy()
-    unscaled[TRANSLATION:] = observation.translation_from_row(row)
+    unscaled[TRANSLATION:] = observation.board_size * row[TRANSLATION:]
+    unscaled[TRANSLATION:] -= row[:TRANSLATION].reshape(3, 3)[:, :2] @ observation.board_mean
     return unscaled
 
 

@@ -202,8 +202,9 @@ def _estimate_from_many(view: ViewProblem) -> PoseEstimate:
     if view.has_focal_prior:
         # The samples of a fronto-parallel view have arbitrary focal lengths: try the prior's, too.
         start = _typical_start(view)
-        if start is not None and truncated_cost(start, problem, search.limit, cost) < cost:
-            best, cost = start, 0.0
+        if start is not None:
+            start_cost = truncated_cost(start, problem, search.limit, cost)
+            best, cost = (start, start_cost) if start_cost < cost else (best, cost)
     status = Status.SPENT if iterations == search.max_iterations else Status.CONFIDENT
     estimate = None
     if cost < math.inf:
