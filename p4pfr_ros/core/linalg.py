@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial import polynomial as poly
 
 from .geometry import Array
-from .jit import jit, kernel
+from .jit import kernel
 
 # Roots with a relative imaginary part up to this count as real: rounding splits a double root
 # into a complex pair.
@@ -59,22 +59,36 @@ def solve_in_place(system: Array, n: int) -> bool:
     return True
 
 
-@jit
+@kernel
 def invert_information(information: Array, n: int, system: Array, inverse: Array) -> None:
     """
     Invert a symmetric matrix (≥ n, ≥ n) of mixed units into the first n rows of ``inverse``.
 
-    Unknowns without information get a huge variance. system (≥ n, ≥ n + 1) is workspace.
+    Unknowns without information get a huge variance. system (≥ n, ≥ n) is workspace.
     """
+    # Cholesky's factor L of the scaled matrix, then L⁻¹ in its place, then L⁻ᵀ L⁻¹.
+    for i in range(n):
+        for j in range(i + 1):
+            total = information[i, j] / _scale(information, i, j)
+            for m in range(j):
+                total -= system[i, m] * system[j, m]
+            if i == j:
+                system[i, i] = math.sqrt(max(total, 0.0) + _RIDGE)
+            else:
+                system[i, j] = total / system[j, j]
     for j in range(n):
-        for a in range(n):
-            for b in range(n):
-                system[a, b] = information[a, b] / _scale(information, a, b)
-            system[a, a] += _RIDGE
-            system[a, n] = 1.0 if a == j else 0.0
-        solve_in_place(system, n)
-        for a in range(n):
-            inverse[a, j] = system[a, n] / _scale(information, a, j)
+        system[j, j] = 1.0 / system[j, j]
+        for i in range(j + 1, n):
+            total = 0.0
+            for m in range(j, i):
+                total -= system[i, m] * system[m, j]
+            system[i, j] = total / system[i, i]
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for m in range(i, n):
+                total += system[m, i] * system[m, j]
+            inverse[i, j] = inverse[j, i] = total / _scale(information, i, j)
 
 
 @kernel

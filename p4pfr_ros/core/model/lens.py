@@ -71,6 +71,15 @@ def squared_error(pose: Array, lens: Array, bx: float, by: float, u: float, v: f
 
 
 @kernel
+def offset_px(
+    x: float, y: float, z: float, lens: Array, u: float, v: float
+) -> tuple[float, float]:
+    """Return the pixel, from the centre, of a point of the camera's frame observed near (u, v)."""
+    s = _scale(x, y, z, lens, u, v)
+    return lens[FOCAL] * s * x, lens[FOCAL] * s * y
+
+
+@kernel
 def linearise(
     pose: Array, lens: Array, bx: float, by: float, u: float, v: float, jacobian: Array
 ) -> None:
@@ -80,6 +89,21 @@ def linearise(
         pose[3] * bx + pose[4] * by,
         pose[6] * bx + pose[7] * by,
     )
+    linearise_rotated(qx, qy, qz, pose, lens, u, v, jacobian)
+
+
+@kernel
+def linearise_rotated(
+    qx: float,
+    qy: float,
+    qz: float,
+    pose: Array,
+    lens: Array,
+    u: float,
+    v: float,
+    jacobian: Array,
+) -> None:
+    """Linearise as `linearise` does a point of the board that has been rotated: Q = R X."""
     x, y, z = qx + pose[TRANSLATION], qy + pose[TRANSLATION + 1], qz + pose[TRANSLATION + 2]
     f = lens[FOCAL]
     s = _scale(x, y, z, lens, u, v)

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from .ambiguity import same_optimum
 from .describe import MAX_RATIO, refine_all, refine_wide, solve_four, ViewProblem
 from .free_camera import NO_PRIOR
+from .full_estimate import FullEstimate
 from .known_camera import weak_perspective_rows
 from .least_squares import known_problem, POSE, Problem, truncated_cost
 from .ransac import Search, search_best
@@ -109,6 +110,7 @@ def estimate_observation(
         Neither image_size, center_px nor camera is given; coordinates without finite squares.
 
     """
+    center_known = center_px is not None
     if camera is not None:
         center_px = camera.center_px
     elif center_px is None:
@@ -119,7 +121,11 @@ def estimate_observation(
     if observation.collinear:
         return no_estimate(Status.COLLINEAR, len(view.image), 0)
     problem = ViewProblem(view, camera, options)
-    return _estimate_from_four(problem) if len(view.image) == 4 else _estimate_from_many(problem)
+    four = len(view.image) == 4
+    estimate = _estimate_from_four(problem) if four else _estimate_from_many(problem)
+    if not options.has_deviations or estimate.model is None:
+        return estimate
+    return FullEstimate(problem, center_known).of(estimate)
 
 
 def _checked_options(options: EstimateOptions | None) -> EstimateOptions:

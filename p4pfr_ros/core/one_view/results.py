@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 import enum
 import math
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +27,17 @@ from ..options import check_ranges, option
 _MAX_SHARE = 0.3
 _MAX_DIRECTION_RAD = 0.3
 _MAX_BEND = 0.3
+
+
+# Usual deviations of real cameras and printed boards from the model.
+_REALISTIC: dict[str, Any] = {
+    'center_spread': 0.03,
+    'lens_spread': 1.0,
+    'aspect_spread': 0.003,
+    'image_shear': 0.003,
+    'board_stretch': 0.0015,
+    'board_bow': 0.002,
+}
 
 
 class Status(enum.Enum):
@@ -66,6 +78,14 @@ class EstimateOptions:
         Gaussian prior on the focal length: mean and standard deviation, px. None: no prior.
     prior_k, prior_k_sigma
         Gaussian prior on the distortion. prior_k_sigma None: no prior.
+    focal_spread, center_spread, lens_spread
+        Spread of real cameras: standard deviation of the logarithm of the focal length, of the
+        principal point from the middle of the image as a share of the diagonal, and a multiple of
+        the usual spread of the distortion terms. The first counts only if another is not zero.
+    aspect_spread, image_shear, board_stretch, board_bow
+        Standard deviations of what a view does not tell: fy/fx of the pixels, shear of the image
+        by a rolling shutter (of known cameras), stretch and skew of the board, and its bow as a
+        share of half its size. Zero: exactly square, true, flat.
     seed
         The same seed and the same input give the same output.
 
@@ -135,12 +155,70 @@ class EstimateOptions:
     prior_k_sigma: float | None = option(
         None, 'Standard deviation of the prior on the distortion k.', low=1e-9, high=100.0
     )
+    focal_spread: float = option(
+        0.7,
+        'Standard deviation of the logarithm of the focal length from that of a typical camera, '
+        'if deviations are allowed.',
+        low=0.01,
+        high=10.0,
+    )
+    center_spread: float = option(
+        0.0,
+        'Standard deviation of the principal point from the middle of the image, as a share of '
+        'the diagonal; 0: exactly there.',
+        low=0.0,
+        high=0.5,
+    )
+    lens_spread: float = option(
+        0.0,
+        "Multiple of the usual standard deviations of a lens's distortion terms; 0: one term, of "
+        'the usual standard deviation.',
+        low=0.0,
+        high=100.0,
+    )
+    aspect_spread: float = option(
+        0.0, 'Standard deviation of fy/fx of the pixels from 1; 0: square.', low=0.0, high=0.5
+    )
+    image_shear: float = option(
+        0.0,
+        'Standard deviation of the shear of the image along its rows, as by a rolling shutter; '
+        'for known cameras. 0: none.',
+        low=0.0,
+        high=0.5,
+    )
+    board_stretch: float = option(
+        0.0,
+        "Standard deviation of the board's stretch, along x against y, and of its skew; 0: none.",
+        low=0.0,
+        high=0.1,
+    )
+    board_bow: float = option(
+        0.0,
+        "Standard deviation of the board's bow, as a share of half its size; 0: flat.",
+        low=0.0,
+        high=0.1,
+    )
     seed: int = option(
         0,
         'Seed of the random samples: the same seed and input give the same output.',
         low=0,
         high=2**31 - 1,
     )
+
+    @classmethod
+    def realistic(cls, **changes: Any) -> EstimateOptions:
+        """
+        Return options that allow the usual deviations of real cameras and printed boards.
+
+        With the defaults, all zero, an estimate is exact in a world without deviations, and
+        confidently wrong where the principal point is not in the middle of the image, say.
+        """
+        return cls(**(_REALISTIC | changes))
+
+    @property
+    def has_deviations(self) -> bool:
+        """Whether more is uncertain than pose, focal length and one distortion term."""
+        return any(getattr(self, name) > 0.0 for name in _REALISTIC)
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -191,7 +269,8 @@ class PoseEstimate:
     inliers : (N,) bool
         The points within the threshold.
     rms_px
-        Root mean square distance between the inliers and their reprojections.
+        Root mean square distance between the inliers and their reprojections, deviations of board
+        and image as far as `EstimateOptions` allows them included.
     iterations
         Number of samples drawn.
     covariance : (8, 8)

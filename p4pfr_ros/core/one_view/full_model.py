@@ -1,0 +1,299 @@
+# Copyright 2026 p4pfr_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+The model of the full fit of one view, and its linearisation.
+
+The search takes the principal point for the middle of the image, the lens for one term, pixels
+for square and the board for flat. Real cameras and boards deviate a little, and one view cannot
+tell by how much; a pose that takes such a constant for true is wrong by many of its standard
+deviations. So here each is a parameter with a prior: pose (6), lens (6) and deviations (7).
+
+The lens is parametrised such that its priors do not depend on each other: the logarithm of the
+focal length, the centre in pixels from the middle of the image, and the bends  bᵢ = kᵢ (R/f)²ⁱ
+at the distance R of the image's corner. A deviation is a multiple of its standard deviation, so
+its prior is N(0, 1).
+
+This module stands alone because it is the model; ``full_fit`` minimises it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry import Array, Ints, POSE_SIZE, TRANSLATION
+from ..jit import jit, kernel
+from ..model import lens as lens_kernels
+from ..model.lens import CX, CY, FOCAL, K, K2, K3, LENS_SIZE, POSE_COLUMNS
+
+# Deviations: log(fy / fx) of the pixels, shear of the image along its rows (rolling shutter), and
+# of the board: stretch along x (and shrinkage along y), skew, and height over x², xy and y².
+ASPECT, SHEAR, STRETCH, SKEW, BOW_XX, BOW_XY, BOW_YY = range(7)
+DEVIATIONS = 7
+
+# Places in a state (25,): pose of the scaled board, lens as parametrised here, deviations.
+LENS = POSE_SIZE
+DEVIATION = POSE_SIZE + LENS_SIZE
+STATE_SIZE = DEVIATION + DEVIATIONS
+
+# Columns of a point's derivatives: pose, lens, deviations; then the residual.
+LENS_COLUMN = POSE_COLUMNS
+DEVIATION_COLUMN = POSE_COLUMNS + LENS_SIZE
+PARAMETERS = DEVIATION_COLUMN + DEVIATIONS
+
+LOG_FOCAL, BEND = 0, 3  # places in the lens as parametrised here; the bends are the last three
+
+
+class FullProblem(NamedTuple):
+    """
+    One view and the priors of everything but its pose.
+
+    image (N, 2) px from the middle of the image; board (N, 2) scaled; corner_px: R
+    mean (6,), information (6, 6): the prior on the lens, as parametrised here
+    usual: multiple of the usual spread of the bends, which depends on f; 0: as given
+    sizes (7,): standard deviations of the deviations
+    active (M,): the columns that are estimated; the others keep their values
+    """
+
+    image: Array
+    board: Array
+    corner_px: float
+    mean: Array
+    information: Array
+    usual: float
+    sizes: Array
+    active: Ints
+
+
+class FullWork(NamedTuple):
+    """Workspace, allocated once."""
+
+    lens: Array
+    point: Array
+    jacobian: Array
+    normal: Array
+    system: Array
+    trial: Array
+    covariance: Array
+    squares: Array
+
+
+@jit
+def full_work(points: int) -> FullWork:
+    """Allocate the workspace for a number of points."""
+    size = (PARAMETERS, PARAMETERS + 1)
+    return FullWork(
+        np.empty(LENS_SIZE),
+        np.empty((2, lens_kernels.COLUMNS)),
+        np.empty((2, PARAMETERS + 1)),
+        np.empty(size),
+        np.empty(size),
+        np.empty(STATE_SIZE),
+        np.empty((PARAMETERS, PARAMETERS)),
+        np.empty(points),
+    )
+
+
+@kernel
+def lens_of(state: Array, corner_px: float, lens: Array) -> None:
+    """Write the lens (6,) in the units of ``model.lens``."""
+    focal_px = math.exp(state[LENS + LOG_FOCAL])
+    unit = (focal_px / corner_px) ** 2
+    lens[FOCAL] = focal_px
+    lens[CX], lens[CY] = state[LENS + CX], state[LENS + CY]
+    lens[K] = state[LENS + BEND] * unit
+    lens[K2] = state[LENS + BEND + 1] * unit * unit
+    lens[K3] = state[LENS + BEND + 2] * unit * unit * unit
+
+
+@kernel
+def state_from(row: Array, lens: Array, corner_px: float, state: Array) -> None:
+    """Write the state of a pose (12,) and a lens (6,), without deviations."""
+    for i in range(POSE_SIZE):
+        state[i] = row[i]
+    unit = (corner_px / lens[FOCAL]) ** 2
+    state[LENS + LOG_FOCAL] = math.log(lens[FOCAL])
+    state[LENS + CX], state[LENS + CY] = lens[CX], lens[CY]
+    state[LENS + BEND] = lens[K] * unit
+    state[LENS + BEND + 1] = lens[K2] * unit * unit
+    state[LENS + BEND + 2] = lens[K3] * unit * unit * unit
+    for i in range(DEVIATIONS):
+        state[DEVIATION + i] = 0.0
+
+
+@kernel
+def _on_the_board(state: Array, problem: FullProblem, i: int) -> tuple[float, float, float]:
+    """Return Q = R X of point i, with X on the board as it deviates."""
+    x, y = problem.board[i, 0], problem.board[i, 1]
+    size, at = problem.sizes, DEVIATION
+    stretch, skew = size[STRETCH] * state[at + STRETCH], size[SKEW] * state[at + SKEW]
+    bx, by = x + stretch * x + skew * y, y - stretch * y + skew * x
+    bz = (
+        size[BOW_XX] * state[at + BOW_XX] * x * x
+        + size[BOW_XY] * state[at + BOW_XY] * x * y
+        + size[BOW_YY] * state[at + BOW_YY] * y * y
+    )
+    return (
+        state[0] * bx + state[1] * by + state[2] * bz,
+        state[3] * bx + state[4] * by + state[5] * bz,
+        state[6] * bx + state[7] * by + state[8] * bz,
+    )
+
+
+@kernel
+def squared_error(state: Array, lens: Array, problem: FullProblem, i: int) -> float:
+    """Return the squared reprojection error of point i, px²; infinite if it is not visible."""
+    qx, qy, qz = _on_the_board(state, problem, i)
+    u, v = problem.image[i, 0], problem.image[i, 1]
+    x, y = qx + state[TRANSLATION], qy + state[TRANSLATION + 1]
+    dx, dy = lens_kernels.offset_px(x, y, qz + state[TRANSLATION + 2], lens, u, v)
+    half = 0.5 * problem.sizes[ASPECT] * state[DEVIATION + ASPECT]
+    shear = problem.sizes[SHEAR] * state[DEVIATION + SHEAR]
+    ex = lens[CX] + (1.0 - half) * dx + shear * dy - u
+    ey = lens[CY] + (1.0 + half) * dy - v
+    error: float = ex * ex + ey * ey
+    return error if error < math.inf else math.inf
+
+
+@kernel
+def _linearise(state: Array, problem: FullProblem, i: int, work: FullWork) -> None:
+    """Write the (2, 20) derivatives and residual of point i; NaN if it is not visible."""
+    point, jacobian, lens = work.point, work.jacobian, work.lens
+    u, v = problem.image[i, 0], problem.image[i, 1]
+    size = problem.sizes
+    qx, qy, qz = _on_the_board(state, problem, i)
+    lens_kernels.linearise_rotated(qx, qy, qz, state, lens, u, v, point)
+    dx = point[0, lens_kernels.RESIDUAL] + u - lens[CX]
+    dy = point[1, lens_kernels.RESIDUAL] + v - lens[CY]
+    half = 0.5 * size[ASPECT] * state[DEVIATION + ASPECT]
+    shear = size[SHEAR] * state[DEVIATION + SHEAR]
+    # The pixel from the centre, d = (dx, dy), moves to  (1 - α/2) dx + σ dy,  (1 + α/2) dy.
+    for c in range(lens_kernels.RESIDUAL):
+        point[0, c] = (1.0 - half) * point[0, c] + shear * point[1, c]
+        point[1, c] = (1.0 + half) * point[1, c]
+    for j in range(2):
+        for c in range(POSE_COLUMNS):
+            jacobian[j, c] = point[j, c]
+        jacobian[j, 6 + CX], jacobian[j, 6 + CY] = 1.0 - j, j
+        _lens_columns(j, problem.corner_px, lens, point, jacobian)
+        _board_columns(j, problem, i, state, point, jacobian)
+    at = DEVIATION_COLUMN
+    jacobian[0, at + ASPECT] = -0.5 * size[ASPECT] * dx
+    jacobian[1, at + ASPECT] = 0.5 * size[ASPECT] * dy
+    jacobian[0, at + SHEAR], jacobian[1, at + SHEAR] = size[SHEAR] * dy, 0.0
+    jacobian[0, PARAMETERS] = lens[CX] + (1.0 - half) * dx + shear * dy - u
+    jacobian[1, PARAMETERS] = lens[CY] + (1.0 + half) * dy - v
+
+
+@kernel
+def _lens_columns(j: int, corner_px: float, lens: Array, point: Array, jacobian: Array) -> None:
+    """Write the derivatives of coordinate j by log f and the bends."""
+    unit = (lens[FOCAL] / corner_px) ** 2
+    by_k, by_k2, by_k3 = point[j, 6 + K], point[j, 6 + K2], point[j, 6 + K3]
+    # At constant bends kᵢ grows with f²ⁱ.
+    jacobian[j, 6 + LOG_FOCAL] = (
+        lens[FOCAL] * point[j, 6 + FOCAL]
+        + 2.0 * lens[K] * by_k
+        + 4.0 * lens[K2] * by_k2
+        + 6.0 * lens[K3] * by_k3
+    )
+    jacobian[j, 6 + BEND] = unit * by_k
+    jacobian[j, 7 + BEND] = unit * unit * by_k2
+    jacobian[j, 8 + BEND] = unit * unit * unit * by_k3
+
+
+@kernel
+def _board_columns(
+    j: int, problem: FullProblem, i: int, state: Array, point: Array, jacobian: Array
+) -> None:
+    """Write the derivatives of coordinate j of point i by the board's deviations."""
+    x, y = problem.board[i, 0], problem.board[i, 1]
+    size, at = problem.sizes, DEVIATION_COLUMN
+    # Derivatives by the board's own x, y and z:  a · R.
+    a, b, c = point[j, 3], point[j, 4], point[j, 5]
+    by_x = a * state[0] + b * state[3] + c * state[6]
+    by_y = a * state[1] + b * state[4] + c * state[7]
+    by_z = a * state[2] + b * state[5] + c * state[8]
+    jacobian[j, at + STRETCH] = size[STRETCH] * (by_x * x - by_y * y)
+    jacobian[j, at + SKEW] = size[SKEW] * (by_x * y + by_y * x)
+    jacobian[j, at + BOW_XX] = size[BOW_XX] * by_z * x * x
+    jacobian[j, at + BOW_XY] = size[BOW_XY] * by_z * x * y
+    jacobian[j, at + BOW_YY] = size[BOW_YY] * by_z * y * y
+
+
+@kernel
+def prior_chi2(state: Array, problem: FullProblem) -> float:
+    """Return the squared deviation from the priors, in variances."""
+    total = 0.0
+    for a in range(LENS_SIZE):
+        for b in range(LENS_SIZE):
+            product = (state[LENS + a] - problem.mean[a]) * (state[LENS + b] - problem.mean[b])
+            total += problem.information[a, b] * product
+    for i in range(DEVIATIONS):
+        total += state[DEVIATION + i] ** 2
+    return total
+
+
+@kernel
+def chi2(
+    state: Array,
+    problem: FullProblem,
+    variance: float,
+    limit: float,
+    enough: float,
+    lens: Array,
+) -> float:
+    """Return chi-square, each error truncated at the limit (px²), and that of the priors."""
+    lens_of(state, problem.corner_px, lens)
+    total = prior_chi2(state, problem)
+    for i in range(len(problem.image)):
+        total += min(squared_error(state, lens, problem, i), limit) / variance
+        if not total <= enough:
+            return math.inf
+    return total
+
+
+@kernel
+def normal_equations(
+    state: Array, problem: FullProblem, variance: float, limit: float, work: FullWork
+) -> int:
+    """Write information and negative gradient of points and priors; return the points within."""
+    normal, jacobian, n = work.normal, work.jacobian, PARAMETERS
+    for a in range(n):
+        for b in range(n + 1):
+            normal[a, b] = 0.0
+    lens_of(state, problem.corner_px, work.lens)
+    count = 0
+    for i in range(len(problem.image)):
+        _linearise(state, problem, i, work)
+        # Written so that NaN is not within.
+        if not jacobian[0, n] ** 2 + jacobian[1, n] ** 2 < limit:
+            continue
+        count += 1
+        for a in range(n):
+            first, second = jacobian[0, a], jacobian[1, a]
+            for b in range(a, n + 1):
+                normal[a, b] += first * jacobian[0, b] + second * jacobian[1, b]
+    for a in range(n):
+        for b in range(a, n):
+            normal[a, b] /= variance
+            normal[b, a] = normal[a, b]
+        normal[a, n] /= -variance
+    _add_priors(state, problem, normal)
+    return count
+
+
+@kernel
+def _add_priors(state: Array, problem: FullProblem, normal: Array) -> None:
+    n = PARAMETERS
+    for a in range(LENS_SIZE):
+        for b in range(LENS_SIZE):
+            information = problem.information[a, b]
+            normal[LENS_COLUMN + a, LENS_COLUMN + b] += information
+            normal[LENS_COLUMN + a, n] -= information * (state[LENS + b] - problem.mean[b])
+    for i in range(DEVIATIONS):
+        normal[DEVIATION_COLUMN + i, DEVIATION_COLUMN + i] += 1.0
+        normal[DEVIATION_COLUMN + i, n] -= state[DEVIATION + i]
