@@ -79,12 +79,16 @@ def _noisy_view(
 
 
 def add_noise_and_outliers(
-    rng: np.random.Generator, image: Array, noise_px: float, outlier_share: float
+    rng: np.random.Generator,
+    image: Array,
+    noise_px: float,
+    outlier_share: float,
+    image_size: tuple[int, int] = IMAGE_SIZE,
 ) -> tuple[Array, Mask]:
     """Return noisy image points (N, 2), some of them uniform in the image, and which (N,)."""
     n = len(image)
     image = image + rng.normal(0.0, noise_px, image.shape)
     outlier = np.zeros(n, dtype=bool)
     outlier[rng.permutation(n)[: round(outlier_share * n)]] = True
-    image[outlier] = rng.uniform((0, 0), IMAGE_SIZE, (int(outlier.sum()), 2))
+    image[outlier] = rng.uniform((0, 0), image_size, (int(outlier.sum()), 2))
     return image, outlier
