@@ -47,6 +47,7 @@ OPTIONS = {
 }
 
 _TITLE = 'Stated and true errors, measured'
+_COMMAND = 'python -m benchmarks.honesty'
 _WIDTH = 160
 _HEADER = ('kind', *SCORE_HEADER)
 NOTES = (
@@ -66,8 +67,9 @@ NOTES = (
     '1; smaller values are of a cautious covariance.',
 )
 _REAL_NOTE = (
-    'Real cameras: the corners of each photograph alone; the reference is the calibration from '
-    'all photographs of the camera, with its aspect ratio and the shape of its board.'
+    'Table 4: the corners of each photograph alone, from P4PFR_DATA; the reference is the '
+    'calibration from all photographs of the camera, with its aspect ratio and the shape of its '
+    'board.'
 )
 
 
@@ -102,7 +104,7 @@ def main(arguments: list[str] | None = None) -> int:
         console.print(table_of(title, header, rows))
     console.print(*notes, sep='\n', soft_wrap=True)
     if given.markdown:
-        command = f'python -m benchmarks.honesty --options {given.options} --markdown'
+        command = f'{_COMMAND} --views {given.views} --options {given.options} --markdown'
         given.markdown.write_text(page_of(_TITLE, command, tables, notes), encoding='utf-8')
     return 0
 

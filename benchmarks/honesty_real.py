@@ -31,7 +31,7 @@ REAL_HEADER = (
     'camera',
     'views',
     'focal length observable',
-    f'of them |z(f)| > {REAL_SIGMAS:g}',
+    f'of them f beyond {REAL_SIGMAS:g} sigma',
     'median error of f',
 )
 

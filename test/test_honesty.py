@@ -4,8 +4,9 @@
 """The benchmark of stated errors: what it measures, and what `EstimateOptions.realistic` holds."""
 
 import dataclasses
+import os
 
-from benchmarks.honesty import OPTIONS
+from benchmarks.honesty import main, OPTIONS
 from benchmarks.honesty_kinds import (
     BOARD_KINDS,
     CALIBRATED_KINDS,
@@ -13,6 +14,7 @@ from benchmarks.honesty_kinds import (
     free_scores,
     MARKER_KINDS,
 )
+from benchmarks.honesty_real import REAL_FOCAL_PX, REAL_HEADER
 from benchmarks.honesty_scores import Score, SCORE_HEADER, score_of, summary
 import numpy as np
 from p4pfr_ros import estimate_pose, Pose
@@ -74,6 +76,27 @@ def test_the_benchmark_finds_errors_that_are_stated_too_small():
     published = [score for score in scores if score.published]
     assert np.mean([score.beyond for score in published]) > 0.9
     assert np.median([score.nees for score in published]) > 100.0
+
+
+@compiled
+@pytest.mark.parametrize('with_data', [False, True])
+def test_the_command_writes_a_page(tmp_path, monkeypatch, with_data):
+    if not with_data:
+        monkeypatch.delenv('P4PFR_DATA', raising=False)
+    elif 'P4PFR_DATA' not in os.environ:
+        pytest.skip('set P4PFR_DATA to the folder with the corners of real cameras')
+    real = REAL_FOCAL_PX if with_data else ()
+    page = tmp_path / 'page.md'
+    assert main(['--views', '2', '--options', 'realistic', '--markdown', str(page)]) == 0
+    lines = page.read_text().splitlines()
+    assert sum(line.startswith('## ') for line in lines) == 3 + with_data
+    for kind in (*MARKER_KINDS, *BOARD_KINDS, *CALIBRATED_KINDS, *real):
+        assert any(line.startswith(f'| {kind} |') for line in lines)
+    # A cell with a bar would shift the columns.
+    tables = [line for line in lines if line.startswith('|')]
+    assert {line.count('|') for line in tables} == {len(SCORE_HEADER) + 2} | (
+        {len(REAL_HEADER) + 1} if with_data else set()
+    )
 
 
 @pytest.fixture(scope='module')
