@@ -39,10 +39,9 @@ from .honesty_scores import (
 )
 from .tables import Measured, page_of, Row, table_of
 
-# The options under test: without deviations, with the usual ones, and what a user gets.
+# The options under test: without deviations, and what a user gets.
 OPTIONS = {
-    'ideal': EstimateOptions(),
-    'realistic': EstimateOptions.realistic(),
+    'ideal': EstimateOptions.ideal(),
     'default': EstimateOptions(),
 }
 

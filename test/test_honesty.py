@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The benchmark of stated errors: what it measures, and what `EstimateOptions.realistic` holds."""
+"""The benchmark of stated errors: what it measures, and what default options hold."""
 
 import dataclasses
 import os
@@ -54,19 +54,19 @@ def assert_hold(scores):
 @compiled
 def test_stated_errors_hold_for_one_view_of_a_marker():
     kinds = some(MARKER_KINDS, MARKER_HOLDS)
-    assert_hold(free_scores(kinds, MARKER, VIEWS, OPTIONS['realistic']))
+    assert_hold(free_scores(kinds, MARKER, VIEWS, OPTIONS['default']))
 
 
 @compiled
 def test_stated_errors_hold_for_one_view_of_a_board():
     kinds = some(BOARD_KINDS, BOARD_HOLDS)
-    assert_hold(free_scores(kinds, BOARD, VIEWS, OPTIONS['realistic']))
+    assert_hold(free_scores(kinds, BOARD, VIEWS, OPTIONS['default']))
 
 
 @compiled
 def test_stated_errors_hold_for_a_calibrated_camera():
     kinds = some(CALIBRATED_KINDS, CALIBRATED_HOLDS)
-    assert_hold(calibrated_scores(kinds, VIEWS, OPTIONS['realistic']))
+    assert_hold(calibrated_scores(kinds, VIEWS, OPTIONS['default']))
 
 
 @compiled
@@ -87,7 +87,7 @@ def test_the_command_writes_a_page(tmp_path, monkeypatch, with_data):
         pytest.skip('set P4PFR_DATA to the folder with the corners of real cameras')
     real = REAL_FOCAL_PX if with_data else ()
     page = tmp_path / 'page.md'
-    assert main(['--views', '2', '--options', 'realistic', '--markdown', str(page)]) == 0
+    assert main(['--views', '2', '--options', 'default', '--markdown', str(page)]) == 0
     lines = page.read_text().splitlines()
     assert sum(line.startswith('## ') for line in lines) == 3 + with_data
     for kind in (*MARKER_KINDS, *BOARD_KINDS, *CALIBRATED_KINDS, *real):

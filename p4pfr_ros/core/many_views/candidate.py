@@ -10,48 +10,30 @@ residuals of a view with the fit's camera, its information about the lens, and i
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 import math
 
 import numpy as np
 
 from .bundle_adjustment import squared_errors, StackedViews, view_block
-from .joint_fit import fit_views, JointFit, stacked_views
+from .joint_fit import JointFit, stacked_views
 from ..cameras.division import DivisionCamera
-from ..geometry import Array
+from ..geometry import Array, POSE_SIZE
 from ..jit import jit
 from ..linalg import inverse_of_information
-from ..minimal.solution import Solution
 from ..model.lens import (
     camera_from_lens,
     COLUMNS,
-    CX,
-    CY,
-    FOCAL,
-    K,
     lens_from_camera,
-    LENS_SIZE,
     POSE_COLUMNS,
     RESIDUAL,
     squared_error,
 )
 from ..model.observation import CenteredView
-from ..model.prior import LensPrior
-from ..model.uncertainty import COVARIANCE_SIZE, noise_variance, pose_to_public
 from ..one_view.estimate_pose import estimate_observation
-from ..one_view.results import (
-    EstimateOptions,
-    mark_undetermined,
-    observability_of,
-    PoseEstimate,
-    Status,
-)
-
-# A blurred view has its own noise: used from this multiple of the variance of all views, and with
-# at least this many degrees of freedom.
-_NOISIER = 2.0
-_MIN_DOF = 20
+from ..one_view.full_estimate import FullViewProblem, lens_contrast, LensContrast
+from ..one_view.results import EstimateOptions, PoseEstimate, without_deviations
 
 # A view agrees without further tests if this share of its points are inliers, and their mean
 # squared error is at most this multiple of its expectation.
@@ -63,6 +45,13 @@ _SQUARES = 1.5
 # model exactly, so this share of the noise variance is tolerated in addition for each point.
 _LARGEST_CHI2 = 30.0
 _MODEL_SHARE = 0.5
+
+
+# A view contradicts the camera if a camera of its own lowers chi-square by more than what real
+# boards and shutters do (a board of 200 mm that is bowed by 2 mm: up to 90), or by less where its
+# focal length is far from the fit's.
+_IMPOSSIBLE, _NOT_USUAL = 150.0, 20.0
+_FAR, _FAR_SIGMAS = 0.15, 4.0
 
 
 def disagrees(excess: float, points: int, fit: JointFit) -> bool:
@@ -82,8 +71,9 @@ class Candidate:
 
     @cached_property
     def known(self) -> PoseEstimate:
-        """The estimate with the fit's camera, taken as known."""
-        return estimate_observation(self.view.observation, None, None, self.camera, self.robust)
+        """The estimate with the fit's camera, taken as known, without deviations."""
+        options = without_deviations(self.robust)
+        return estimate_observation(self.view.observation, None, None, self.camera, options)
 
     @cached_property
     def evaluated(self) -> EvaluatedView | None:
@@ -96,9 +86,9 @@ class Candidate:
     @cached_property
     def alone(self) -> PoseEstimate:
         """The estimate from the view alone, but with the principal point of the fit."""
-        center_px = self.camera.center_px
+        center_px, options = self.camera.center_px, without_deviations(self.robust)
         return estimate_observation(
-            self.view.observation, self.image_size, center_px, None, self.robust
+            self.view.observation, self.image_size, center_px, None, options
         )
 
     @cached_property
@@ -135,11 +125,6 @@ class Candidate:
         """Whether the view has a pose with any camera."""
         return self.evaluated is not None or self.alone.model is not None
 
-    @property
-    def known_or_alone(self) -> PoseEstimate:
-        """The estimate with the fit's camera, or else from the view alone."""
-        return self.alone if self.known.model is None else self.known
-
     @cached_property
     def agrees(self) -> bool:
         """Whether the fit's camera explains the view about as well as a camera of its own."""
@@ -151,22 +136,63 @@ class Candidate:
             return True
         return not disagrees(evaluated.cost - self.own_cost, len(self.view.image), fit)
 
-    def estimate_alone(self, typical: LensPrior) -> PoseEstimate:
-        """
-        Estimate from the view alone, with an uncertain principal point.
+    def _problem_with(self, fit: JointFit) -> FullViewProblem:
+        """Return the view with the camera of a fit, of which the covariance is the prior."""
+        camera = camera_from_lens(fit.lens, self.view.center_px)
+        return FullViewProblem(
+            self.view.observation.centered(camera.center_px, self.image_size),
+            camera,
+            self.robust,
+            lens_covariance=fit.covariance,
+            noise_px=math.sqrt(fit.posterior_variance),
+        )
 
-        Four points are too few to estimate a centre: their result is ``alone``.
+    @cached_property
+    def contrast(self) -> LensContrast:
+        """The view with the fit's camera against the view with a camera of its own."""
+        observation = self.view.observation
+        free = FullViewProblem(
+            observation.centered(self.camera.center_px, self.image_size),
+            None,
+            self.robust,
+            noise_px=math.sqrt(self.fit.posterior_variance),
+        )
+        rows = []
+        for model in (self.known.model, self.alone.model):
+            if model is not None:
+                lens = [model.camera.focal_px, model.camera.k / model.camera.focal_px]
+                pose = observation.row_from_pose(model.camera_from_board)
+                rows.append(np.concatenate([pose[:POSE_SIZE], lens]))
+        return lens_contrast(self._problem_with(self.fit), self.row, free, rows)
+
+    @cached_property
+    def contradicts(self) -> bool:
+        """Whether no usual deviation explains the view with the fit's camera, but another does."""
+        contrast = self.contrast
+        is_far = abs(contrast.log_ratio) > max(_FAR, _FAR_SIGMAS * contrast.sigma)
+        return contrast.excess > (_NOT_USUAL if is_far else _IMPOSSIBLE)
+
+    def estimate_with(self, fit: JointFit, row: Array) -> PoseEstimate:
         """
-        alone, row, view = self.alone, self.alone_row, self.view
-        if alone.model is None or row is None or len(view.image) == 4:
-            return alone
-        mean = typical.mean.copy()
-        mean[CX : CY + 1] = lens_from_camera(self.camera, view.center_px)[CX : CY + 1]
-        prior = replace(typical, mean=mean)
-        lens = lens_from_camera(alone.model.camera, view.center_px)
-        fit = fit_views([view], row[None], lens, 1, prior, self.robust.sigma_px)
-        evaluated = evaluate_view(view, fit.poses[0], fit)
-        return estimate_from_view(evaluated, alone, self.robust.threshold_px)
+        Estimate the pose with the camera of a fit.
+
+        row: the pose (12,) of the scaled board to start from.
+        """
+        observation, problem = self.view.observation, self._problem_with(fit)
+        known = self.known if self.known.model else self.alone
+        others = [observation.row_from_pose(s.camera_from_board) for s in known.alternatives]
+        return problem.estimate_from([row, *others], known.status, known.iterations)
+
+    def estimate_alone(self) -> PoseEstimate:
+        """Estimate from the view alone, its principal point about that of the fit."""
+        return estimate_observation(
+            self.view.observation,
+            self.image_size,
+            self.camera.center_px,
+            None,
+            self.robust,
+            center_known=False,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,20 +234,6 @@ class EvaluatedView:
         negative: Array = across.T @ at_pose - by_residual[POSE_COLUMNS:]
         return negative
 
-    def covariance(self) -> Array:
-        """Return the covariance (8, 8) of pose, focal length and k, in the caller's units."""
-        covariance = np.empty((COVARIANCE_SIZE, COVARIANCE_SIZE))
-        pose_covariance(
-            self.block,
-            self._inverse,
-            self.fit.covariance,
-            self._noise(),
-            self.row,
-            self.view.observation.board_scale,
-            covariance,
-        )
-        return covariance
-
     @cached_property
     def _inverse(self) -> Array:
         """C⁻¹ of the block."""
@@ -231,15 +243,6 @@ class EvaluatedView:
         """Return B and A of the block."""
         pose, lens = slice(0, POSE_COLUMNS), slice(POSE_COLUMNS, RESIDUAL)
         return self.block[pose, lens], self.block[lens, lens]
-
-    def _noise(self) -> float:
-        """Return the variance of a coordinate, px²."""
-        dof = 2 * self.inliers - POSE_COLUMNS
-        of_fit = self.fit.posterior_variance
-        if dof < _MIN_DOF:
-            return of_fit
-        own = noise_variance(self.inlier_squares, dof, self.fit.limit)
-        return own if own > _NOISIER * self.fit.variance else of_fit
 
 
 def evaluate_view(view: CenteredView, row: Array, fit: JointFit) -> EvaluatedView:
@@ -263,79 +266,3 @@ def _evaluate(
             inliers += 1
             total += squares[i]
     return inliers, total
-
-
-def estimate_from_view(
-    evaluated: EvaluatedView, known: PoseEstimate, threshold_px: float
-) -> PoseEstimate:
-    """
-    Return the public estimate of an evaluated view.
-
-    known: the estimate with the same camera or one close to it, which has the alternatives.
-    """
-    view = evaluated.view
-    camera = camera_from_lens(evaluated.fit.lens, view.center_px)
-    pose = view.observation.pose_from_row(evaluated.row)
-    covariance = evaluated.covariance()
-    observable = observability_of(camera.focal_px, pose.translation, covariance, view.corner_px)
-    inliers = evaluated.squares < threshold_px**2
-    status = known.status
-    if observable.undetermined:
-        status = Status.UNDETERMINED
-    elif status is Status.UNDETERMINED:
-        status = Status.CONFIDENT
-    return replace(
-        known,
-        model=Solution(camera, pose),
-        status=status,
-        inliers=inliers,
-        rms_px=math.sqrt(evaluated.squares[inliers].mean()) if inliers.any() else math.nan,
-        covariance=mark_undetermined(covariance, observable),
-        alternatives=tuple(Solution(camera, s.camera_from_board) for s in known.alternatives),
-        observable=observable,
-    )
-
-
-@jit
-def pose_covariance(
-    block: Array,
-    inverse: Array,
-    of_lens: Array,
-    noise: float,
-    row: Array,
-    board_scale: tuple[float, float, float],
-    covariance: Array,
-) -> None:
-    """
-    Write the (8, 8) covariance of x, y, z, rotation x, y, z, focal_px, k.
-
-    block (13, 13): normal equations [C B; Bᵀ A] of pose and lens; inverse (6, 6): C⁻¹; of_lens
-    (6, 6): the covariance of the lens; noise: the variance of a coordinate, px²; row (12,): the
-    pose of the scaled board; board_scale: see ``Observation``.
-    """
-    # A change dθ of the lens, of covariance Λ, changes the pose by δ = F dθ,  F = -C⁻¹ B,  in
-    # addition to the noise:     cov(δ) = σ² C⁻¹ + F Λ Fᵀ,     cov(δ, θ) = F Λ.
-    n = POSE_COLUMNS
-    follows, with_lens = np.zeros((n, LENS_SIZE)), np.zeros((n, LENS_SIZE))
-    for a in range(n):
-        for j in range(LENS_SIZE):
-            for b in range(n):
-                follows[a, j] -= inverse[a, b] * block[b, n + j]
-    for a in range(n):
-        for j in range(LENS_SIZE):
-            for i in range(LENS_SIZE):
-                with_lens[a, j] += follows[a, i] * of_lens[i, j]
-    for a in range(n):
-        for b in range(n):
-            covariance[a, b] = noise * inverse[a, b]
-            for j in range(LENS_SIZE):
-                covariance[a, b] += with_lens[a, j] * follows[b, j]
-        for at, j in ((n, FOCAL), (n + 1, K)):
-            covariance[a, at] = covariance[at, a] = with_lens[a, j]
-    for at, i in ((n, FOCAL), (n + 1, K)):
-        covariance[at, n] = of_lens[i, FOCAL]
-        covariance[at, n + 1] = of_lens[i, K]
-    for j in range(n + 2):
-        pose_to_public(covariance[:, j], row, board_scale)
-    for j in range(n + 2):
-        pose_to_public(covariance[j, :], row, board_scale)

@@ -57,11 +57,6 @@ class ChangeDetector:
         if outliers:
             del self._latest[outliers[0]]
 
-    @property
-    def unanimous(self) -> bool:
-        """Whether all of the latest views disagreed."""
-        return len(self._latest) == _MEMORY and not any(agrees for _, agrees in self._latest)
-
     def evidence(self, fit: JointFit, typical: LensPrior) -> Sequence[Candidate]:
         """Return the views of the changed camera, the latest last; empty if it has not changed."""
         agreed = [candidate for candidate, agrees in self._latest if agrees]

@@ -24,7 +24,7 @@ from ..model.lens import lens_from_camera
 from ..model.observation import CenteredView
 from ..model.prior import LensPrior
 from ..one_view.estimate_pose import estimate_observation
-from ..one_view.results import EstimateOptions, PoseEstimate
+from ..one_view.results import EstimateOptions, PoseEstimate, without_deviations
 
 # With fewer degrees of freedom, another term would explain any disagreement.
 _ENOUGH_FOR_A_TERM = 60
@@ -154,6 +154,7 @@ def _row_with_camera(
     view: CenteredView, row: Array, camera: DivisionCamera, options: EstimateOptions
 ) -> Array:
     """Return the pose (12,) of a view with a known camera, or else the given row."""
+    options = without_deviations(options)
     estimate = estimate_observation(view.observation, None, None, camera, options)
     if estimate.model is None:
         return row

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .candidate import Candidate, estimate_from_view, evaluate_view
+from .candidate import Candidate
 from .change_detection import ChangeDetector
 from .joining import fit_candidates, with_lens_order, with_view
 from .joint_fit import fit_of_prior, fit_views, JointFit, keyframes_of
@@ -29,12 +29,21 @@ from ..geometry import Array, POSE_SIZE
 from ..model.lens import camera_from_lens, CX, FOCAL, K, LENS_SIZE
 from ..model.observation import image_center_px, observe
 from ..model.prior import calibrated_camera, LensPrior, typical_camera
-from ..model.uncertainty import DEFAULT_SIGMA_PX
-from ..one_view.results import EstimateOptions, PoseEstimate
+from ..one_view.results import EstimateOptions, no_estimate, PoseEstimate, Status
 
-# A restart requires that the views fit the new camera about as well as earlier ones fitted the
-# previous one: the noise variance is at most this multiple.
-_AS_SHARP = 4.0
+# A restart requires that cameras of their own lower the chi-square of the views, in all, by more
+# than boards that are bent or printed wrongly and rolling shutters do: by the first where one new
+# camera has a focal length this much different, else by the second. And one new camera must fit
+# them about as well as earlier views fitted the previous one, up to this multiple of the noise
+# variance, or by the last lower the chi-square of each view, as nothing else could.
+_CHANGED_FOCAL, _CHANGED = 30.0, 120.0
+_FOCAL_CHANGE = 0.035
+_AS_SHARP = 1.5
+_CHANGED_FOR_SURE = 100.0
+
+# After a view that contradicts a calibrated camera no pose is estimated from so many views: of a
+# camera that has changed, not every view tells.
+_DOUBTFUL_VIEWS = 4
 
 # With a larger standard deviation of the focal length (relative), or of the bend at the corner,
 # the camera is UNCALIBRATED.
@@ -176,30 +185,38 @@ class SelfCalibration:
 
     def _early_estimate(self, candidate: Candidate) -> PoseEstimate | None:
         """Return the estimate before the update; None if not calibrated, or the view disagrees."""
-        if self.state is not CalibrationState.CALIBRATED or not candidate.agrees:
+        if self._is_doubtful or not (
+            self.state is CalibrationState.CALIBRATED and candidate.agrees
+        ):
             return None
         assert candidate.evaluated is not None
-        return estimate_from_view(candidate.evaluated, candidate.known, self.robust.threshold_px)
+        return candidate.estimate_with(candidate.fit, candidate.evaluated.row)
 
     def _estimate(self, candidate: Candidate) -> PoseEstimate:
         """Return the estimate with the updated camera, or from the view alone if they disagree."""
-        if self._verdict is Verdict.OUTLIER:
-            return candidate.estimate_alone(self._typical)
-        if self._fused is None or self._verdict is Verdict.NO_POSE:
-            return candidate.alone
-        evaluated, fit = candidate.evaluated, self._fit
-        if evaluated is None or fit is not candidate.fit:  # the update replaced the fit
-            is_last = bool(fit.views) and fit.views[-1] is candidate.view
-            evaluated = evaluate_view(
-                candidate.view, fit.poses[-1] if is_last else candidate.row, fit
-            )
-        return estimate_from_view(evaluated, candidate.known_or_alone, self.robust.threshold_px)
+        if self.state is CalibrationState.CALIBRATED and candidate.known.model:
+            if self._is_doubtful:
+                status, n = Status.MISFIT, len(candidate.view.image)
+                return no_estimate(status, n, candidate.known.iterations)
+            if self._verdict is Verdict.OUTLIER:
+                return candidate.estimate_with(self._fit, candidate.row)
+        if self._fused is None or self._verdict in (Verdict.OUTLIER, Verdict.NO_POSE):
+            return candidate.estimate_alone()
+        fit = self._fit
+        is_last = bool(fit.views) and fit.views[-1] is candidate.view
+        return candidate.estimate_with(fit, fit.poses[-1] if is_last else candidate.row)
+
+    @property
+    def _is_doubtful(self) -> bool:
+        """Whether a view has contradicted the camera a moment ago: it may have changed."""
+        return self._doubtful_views > 0
 
     def _start(self, loaded: CameraEstimate | None) -> None:
         """Drop all views; start from a loaded camera, or from none."""
         self._verdict = Verdict.NO_POSE
         self._loaded = loaded
         self._changes.clear()
+        self._doubtful_views = 0
         self._last_poses = _NO_POSES
         if loaded is None:
             self._accept(fit_of_prior(self._typical, 1), self._typical)
@@ -211,6 +228,7 @@ class SelfCalibration:
     def _learn(self, candidate: Candidate) -> None:
         """Set the verdict on a view, and update the camera with it accordingly."""
         self._verdict = Verdict.NO_POSE
+        self._doubtful_views = max(self._doubtful_views - 1, 0)
         if candidate.agrees and not self._is_new(candidate, self._last_poses):
             self._handle_stationary_board(candidate)
         elif candidate.agrees and not self._is_new(candidate, self._poses):
@@ -276,16 +294,23 @@ class SelfCalibration:
 
     def _record_disagreement(self, candidate: Candidate) -> None:
         self._verdict = Verdict.OUTLIER
+        if candidate.contradicts:
+            self._doubtful_views = _DOUBTFUL_VIEWS
         self._changes.add(candidate, agrees=False)
         self._restart_if_changed()
 
     def _restart_if_changed(self) -> None:
         evidence = self._changes.evidence(self._fit, self._typical)
-        if not evidence:
+        # Bent boards and rolling shutters deviate, too, but a camera of its own explains them
+        # hardly better.
+        excess = sum(candidate.contrast.excess for candidate in evidence)
+        if not excess > _CHANGED_FOCAL:
             return
         fit = fit_candidates(evidence, self._typical)
-        as_sharp = fit.variance < max(_AS_SHARP * self._fit.variance, DEFAULT_SIGMA_PX**2)
-        if as_sharp or self._changes.unanimous:
+        log_ratio = abs(math.log(fit.lens[FOCAL] / self._fit.lens[FOCAL]))
+        differs = excess > _CHANGED or log_ratio > _FOCAL_CHANGE
+        as_sharp = fit.variance < _AS_SHARP * self._fit.variance
+        if differs and (as_sharp or excess > _CHANGED_FOR_SURE * len(evidence)):
             self._start(None)
             self._accept(fit, self._typical)
             self._verdict = Verdict.RESTARTED

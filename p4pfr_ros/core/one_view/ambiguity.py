@@ -17,6 +17,7 @@ import numpy as np
 
 from .free_camera import Prior
 from .least_squares import (
+    count_within,
     hypotheses,
     least_squares_work,
     minimise,
@@ -49,7 +50,7 @@ _LAST_TOLERANCE = 1e-12
 _SAMPLES = 8
 _NO_ROWS = np.empty((0, ROW_SIZE))
 
-# A start with more than this share of its points beyond the wide limit is not refined.
+# A start with more than this share of the inliers beyond the wide limit is not refined.
 _MOST_BEYOND = 0.5
 
 # An observable focal length must be distinguishable from its half and its double.
@@ -113,10 +114,13 @@ def _try_local_row(
     if count == MAX_OTHERS:
         return count
     wide = _WIDE * limit
-    hopeless = _MOST_BEYOND * wide * len(problem.image)
+    # Outliers of the best row, at most cost / limit, are outliers of the others, too.
+    outliers = min(cost / limit, 1.0 * len(problem.image))
+    hopeless = wide * (outliers + _MOST_BEYOND * (len(problem.image) - outliers))
     if truncated_cost(local, problem, wide, hopeless) > hopeless:
         return count
-    minimise(local, problem, wide, _FIRST_STEPS, _FIRST_TOLERANCE, work.refine)
+    if 2 * count_within(local, problem, limit) < len(problem.image) - outliers:
+        minimise(local, problem, wide, _FIRST_STEPS, _FIRST_TOLERANCE, work.refine)
     refined_cost = minimise(local, problem, limit, _FIRST_STEPS, _FIRST_TOLERANCE, work.refine)
     if refined_cost > cost + _PROMISING * excess or not _is_new(
         local, best, others, count, _SAME_RAD

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 from .ambiguity import same_optimum
 from .describe import MAX_RATIO, refine_all, refine_wide, solve_four, ViewProblem
 from .free_camera import NO_PRIOR
-from .full_estimate import FullEstimate
+from .full_estimate import FullViewProblem
 from .known_camera import weak_perspective_rows
-from .least_squares import known_problem, POSE, Problem, truncated_cost
+from .least_squares import known_problem, plausible, POSE, Problem, truncated_cost
 from .ransac import Search, search_best
 from .results import EstimateOptions, no_estimate, PoseEstimate, Status
 from ..cameras.camera_info import CameraInfoModel
@@ -100,9 +100,13 @@ def estimate_observation(
     center_px: tuple[float, float] | None,
     camera: DivisionCamera | None,
     options: EstimateOptions,
+    *,
+    center_known: bool = True,
 ) -> PoseEstimate:
     """
     Estimate as `estimate_pose` does, from an observation that has been checked and scaled.
+
+    center_known: whether a given center_px is exact, not only the mean of the prior on it.
 
     Raises
     ------
@@ -110,7 +114,7 @@ def estimate_observation(
         Neither image_size, center_px nor camera is given; coordinates without finite squares.
 
     """
-    center_known = center_px is not None
+    center_known = center_known and center_px is not None
     if camera is not None:
         center_px = camera.center_px
     elif center_px is None:
@@ -121,11 +125,9 @@ def estimate_observation(
     if observation.collinear:
         return no_estimate(Status.COLLINEAR, len(view.image), 0)
     problem = ViewProblem(view, camera, options)
-    four = len(view.image) == 4
-    estimate = _estimate_from_four(problem) if four else _estimate_from_many(problem)
-    if not options.has_deviations or estimate.model is None:
-        return estimate
-    return FullEstimate(problem, center_known).of(estimate)
+    if options.has_deviations:
+        problem = FullViewProblem(view, camera, options, center_known)
+    return _estimate_from_four(problem) if len(view.image) == 4 else _estimate_from_many(problem)
 
 
 def _checked_options(options: EstimateOptions | None) -> EstimateOptions:
@@ -180,9 +182,13 @@ def _estimate_from_four(view: ViewProblem) -> PoseEstimate:
         return no_estimate(Status.NO_SOLUTION, 4, 1)
     # All four are inliers: without a prior a free camera fits them exactly.
     refine_all(rows, count, problem, costs)
+    within = [i for i in range(count) if plausible(rows[i], problem)]
+    rows, costs, count = rows[within], costs[within], len(within)
+    if count == 0:
+        return no_estimate(Status.NO_SOLUTION, 4, 1)
     if count == 1:
         return view.describe(rows[0], problem, None, Status.FOUR_POINTS, 1)
-    ranked = _ranked(rows[:count], costs[:count], view, problem.prior != NO_PRIOR)
+    ranked = _ranked(rows, costs, view, problem.prior != NO_PRIOR)
     return view.describe(ranked[0], problem, ranked[1:], Status.FOUR_POINTS, 1)
 
 

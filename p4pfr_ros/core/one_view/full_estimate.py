@@ -2,33 +2,32 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The estimate of one view by the full fit of ``full_fit``, its camera unknown or known.
+One view described by the full fit of ``full_fit``, its camera unknown or known.
 
-The search and the fit without deviations give the starts: the best model and its alternatives.
+``FullViewProblem`` takes the place of ``ViewProblem`` where the options allow deviations: the rows
+of the search and their alternatives are the starts of full fits.
 
-This module stands alone because `estimate_pose` is complete without it: it is the last step where
-the options allow deviations.
+This module stands alone because `estimate_pose` is complete without it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+import functools
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from .describe import MAX_RATIO, ViewProblem
-from .full_fit import fit_full, other_focal_excess, public_covariance
+from .describe import assessment, MAX_RATIO, ViewProblem
+from .full_fit import fit_view, FullFit, other_focal_excess, Rules
 from .full_model import (
     ASPECT,
     BEND,
     BOW_XX,
     DEVIATIONS,
-    full_work,
     FullProblem,
-    FullWork,
-    lens_of,
     LOG_FOCAL,
     PARAMETERS,
     SHEAR,
@@ -36,40 +35,49 @@ from .full_model import (
     STATE_SIZE,
     STRETCH,
 )
+from .least_squares import Problem
 from .results import (
     EstimateOptions,
     mark_undetermined,
+    MAX_FOCAL_SHARE,
     no_estimate,
     Observability,
     observability_of,
     PoseEstimate,
     Status,
+    widen_focal,
 )
 from ..cameras.division import DivisionCamera
-from ..geometry import Array, POSE_SIZE, TRANSLATION
+from ..geometry import Array, Ints, Pose, POSE_SIZE, TRANSLATION
 from ..linalg import inverse_of_information
-from ..minimal.solution import Solution
+from ..minimal.solution import G, H, Solution
 from ..model.lens import (
     camera_from_lens,
     CX,
     CY,
     FOCAL,
     K,
-    K2,
-    K3,
     lens_from_camera,
     LENS_SIZE,
     POSE_COLUMNS,
 )
-from ..model.observation import CenteredView
 from ..model.prior import typical_focal_px
-from ..model.uncertainty import COV_FOCAL, COVARIANCE_SIZE, DEFAULT_SIGMA_PX
+from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, DEFAULT_SIGMA_PX, sigma_at
 
-# A focal length with a smaller relative standard deviation needs no likelihood test; an observable
-# one must be distinguishable from its half and its double.
-_CERTAIN = 0.03
-_FOCAL_FACTORS = (0.5, 2.0)
-_HELD_STEPS = 30
+# With fewer points the residuals do not measure the noise.
+_FEWEST_TO_MEASURE = 5
+
+# Steps of a row that is only to be the start of a full fit.
+_FEW_STEPS = 3
+
+# A focal length with a smaller relative standard deviation needs no likelihood test.
+_CERTAIN, _CERTAIN_OF_FOUR = 0.07, 0.03
+# Where half the focal length raises chi-square by more, so does its double (more than four points;
+# in 600 drawn views of which the double fitted 23, half did so too, or raised it by less than 20).
+_CLEARLY_WORSE = 40.0
+
+# A lens farther from the prior is none that exists: the squared distance, in variances.
+_LARGEST_LENS_CHI2 = 25.0
 
 # A variance above this share of the prior's is the prior's, not the view's.
 _FROM_THE_VIEW = 0.5
@@ -80,265 +88,345 @@ _SAME_RAD = 0.02
 # Beyond this difference of logarithms a focal length is tried with a typical one instead, too.
 _FAR_FROM_TYPICAL = 1.5
 
-# Largest number of times that a known camera's view gets larger deviations.
-_WIDENINGS = 4
 
-_SMALLEST_VARIANCE = 0.1**2
+class _Lens(NamedTuple):
+    """
+    What is known of lens and deviations before the view.
+
+    mean (6,) and information (6, 6) as ``full_model`` parametrises the lens; usual, sizes and
+    active: see ``FullProblem``.
+    """
+
+    mean: Array
+    information: Array
+    usual: float
+    sizes: Array
+    active: Ints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A full fit: its state, workspace, and the numbers that `fit_full` returns."""
+    """A full fit: state (25,), lens (6,), squared errors (N,), covariance (8, 8), and numbers."""
 
     state: Array
-    work: FullWork
     lens: Array
-    prior_chi2: float
-    variance: float
-    dof: float
-    inliers: int
-    total: float
+    squares: Array
+    covariance: Array
+    numbers: FullFit
 
 
 @dataclass(frozen=True, slots=True)
-class FullEstimate:
-    """One view, and whether its principal point is known."""
+class FullViewProblem(ViewProblem):
+    """
+    A view whose camera and board may deviate as the options allow.
 
-    view: ViewProblem
-    center_known: bool
+    center_known: whether the principal point is given.
+    lens_covariance (6, 6): of a known camera's lens; None: it is exact.
+    noise_px: standard deviation of a coordinate, where the points are too few to measure it.
+    """
 
-    def of(self, estimate: PoseEstimate) -> PoseEstimate:
-        """Return the estimate by the full fit, from another one's models as starts."""
-        assert estimate.model is not None
-        camera = self.view.camera
-        if camera is None:
-            problem = self._problem(estimate.model.camera.focal_px)
-        else:
-            lens = lens_from_camera(camera, self.view.view.center_px)
-            problem = known_lens_problem(
-                self.view.view, lens, np.zeros((LENS_SIZE, LENS_SIZE)), self.view.options
-            )
-        starts = (estimate.model, *estimate.alternatives)
-        if camera is None:
-            typical_px = typical_focal_px(self.view.view.corner_px)
-            starts += tuple(
-                self._with_typical_focal(start)
-                for start in starts
-                if abs(math.log(start.camera.focal_px / typical_px)) > _FAR_FROM_TYPICAL
-            )
-        fits = [fit for start in starts if (fit := self._fit(start, problem)) is not None]
-        n = len(self.view.view.image)
+    center_known: bool = False
+    lens_covariance: Array | None = None
+    noise_px: float = DEFAULT_SIGMA_PX
+
+    def describe(
+        self, row: Array, problem: Problem, others: Array | None, status: Status, iterations: int
+    ) -> PoseEstimate:
+        """Return the result of the full fits that start from a row and its alternatives."""
+        arrays = assessment(len(self.view.image))
+        summary = self._assess(row, problem, others is None, arrays, _FEW_STEPS)
+        if others is None:
+            others = arrays.others[: summary.others]
+        return self.estimate_from([row, *others], status, iterations)
+
+    def estimate_from(
+        self, rows: Sequence[Array], status: Status, iterations: int
+    ) -> PoseEstimate:
+        """Return the result of the full fits that start from rows (≥ 14,), at least one."""
+        n, options = len(self.view.image), self.options
+        given = self._given(rows[0])
+        fits = [self._fit(start, given) for start in self._starts(rows)]
+        if self.camera is None:
+            fits = [fit for fit in fits if self._plausible(fit)]
         if not fits:
-            return no_estimate(Status.NO_SOLUTION, n, estimate.iterations)
-        variance = min(fit.variance for fit in fits)
-        costs = [self._cost(fit, variance) for fit in fits]
-        best, *others = sorted(zip(costs, fits, strict=True), key=lambda pair: pair[0])
-        if best[1].inliers < min(n, self.view.options.min_inliers):
-            return no_estimate(Status.NO_CONSENSUS, n, estimate.iterations)
-        close = [fit for cost, fit in others if cost - best[0] < MAX_RATIO]
-        return self._result(best[1], self._different(best[1], close), problem, estimate)
-
-    def _with_typical_focal(self, start: Solution) -> Solution:
-        """
-        Return a start with a typical focal length and the same size in the image.
-
-        A few points may fit a focal length far beyond every real one exactly; from there least
-        squares does not find the way back.
-        """
-        view = self.view.view
-        focal_px = typical_focal_px(view.corner_px)
-        row = view.observation.row_from_pose(start.camera_from_board)
-        row[TRANSLATION + 2] *= focal_px / start.camera.focal_px
-        camera = DivisionCamera(focal_px, start.camera.center_px)
-        return Solution(camera, view.observation.pose_from_row(row))
-
-    def _problem(self, focal_px: float) -> FullProblem:
-        view, options = self.view.view, self.view.options
-        corner_px = view.corner_px
-        mean, sigma = np.zeros(LENS_SIZE), np.ones(LENS_SIZE)
-        mean[LOG_FOCAL] = math.log(typical_focal_px(corner_px))
-        sigma[LOG_FOCAL] = options.focal_spread
-        if options.prior_focal_px is not None and options.prior_focal_sigma_px is not None:
-            mean[LOG_FOCAL] = math.log(options.prior_focal_px)
-            sigma[LOG_FOCAL] = options.prior_focal_sigma_px / options.prior_focal_px
-            focal_px = options.prior_focal_px
-        center_known = self.center_known or options.center_spread == 0.0
-        if not center_known:
-            sigma[CX] = sigma[CY] = options.center_spread * 2.0 * corner_px
-        usual = options.lens_spread or 1.0
-        information = np.diag(sigma**-2.0)
-        if options.prior_k_sigma is not None:
-            usual = 0.0
-            self._add_prior_on_k(focal_px, mean, information)
-        sizes = _sizes_of(options)
-        sizes[SHEAR] = 0.0  # which would cost an unknown camera half of its accuracy
-        active = np.ones(PARAMETERS, dtype=bool)
-        active[POSE_COLUMNS + CX : POSE_COLUMNS + CY + 1] = not center_known
-        active[POSE_COLUMNS + BEND + 1 : POSE_COLUMNS + LENS_SIZE] = options.lens_spread > 0.0
-        active[POSE_COLUMNS + LENS_SIZE :] = sizes > 0.0
-        return FullProblem(
-            view.image,
-            view.board,
-            corner_px,
-            mean,
-            information,
-            usual,
-            sizes,
-            np.flatnonzero(active),
+            return no_estimate(Status.NO_SOLUTION, n, iterations)
+        ranked = self._ranked(fits)
+        best, alternatives = ranked[0][1], [fit for _, fit in ranked[1:]]
+        inliers = best.squares < options.threshold_px**2
+        if np.count_nonzero(inliers) < min(n, options.min_inliers):
+            return no_estimate(Status.NO_CONSENSUS, n, iterations)
+        observable = self._observable(best, given)
+        if alternatives:
+            self._include_alternatives(ranked)
+        return PoseEstimate(
+            model=self._model(best),
+            status=_status(status, observable),
+            inliers=inliers,
+            rms_px=math.sqrt(best.squares[inliers].mean()),
+            iterations=iterations,
+            covariance=mark_undetermined(best.covariance, observable),
+            alternatives=tuple(self._model(other) for other in alternatives),
+            observable=observable,
         )
 
-    def _add_prior_on_k(self, focal_px: float, mean: Array, information: Array) -> None:
-        """Add the caller's prior on k = b₁ (f/R)², linear about a focal length, in place."""
-        options, unit = self.view.options, (focal_px / self.view.view.corner_px) ** 2
-        sigma = options.prior_k_sigma
-        assert sigma is not None
-        # dk = unit db₁ + 2 k d(log f); the mean has the given k at its own focal length.
-        by = np.zeros(LENS_SIZE)
-        by[LOG_FOCAL], by[BEND] = 2.0 * options.prior_k, unit
-        information[BEND:, BEND:] = np.diag([0.0, 0.1**-2, 0.02**-2])
-        information += np.outer(by, by) / sigma**2
-        mean[BEND] = options.prior_k * (1.0 + 2.0 * (math.log(focal_px) - mean[LOG_FOCAL])) / unit
+    def best_fit(self, rows: Sequence[Array]) -> _Fit:
+        """Return the best of the full fits that start from rows, deviations of usual size."""
+        given = self._given(rows[0])
+        fits = [self._fit(start, given, widens=False) for start in self._starts(rows)]
+        return self._ranked(fits)[0][1]
 
-    def _fit(self, start: Solution, problem: FullProblem) -> _Fit | None:
-        """Fit from a start; return None if the camera is outside the limits."""
-        view, options = self.view.view, self.view.options
-        state, lens = np.empty(STATE_SIZE), lens_from_camera(start.camera, view.center_px)
-        row = view.observation.row_from_pose(start.camera_from_board)
-        state_from(row, lens, problem.corner_px, state)
-        work = full_work(len(view.image))
-        exact = len(view.image) == 4
-        sigma_px = options.sigma_px or (DEFAULT_SIGMA_PX if exact else 0.0)
-        limit = math.inf if exact else options.threshold_px**2
-        found = fit_full(state, problem, limit, sigma_px, _SMALLEST_VARIANCE, work)
-        if self.view.camera is not None:
-            found = widen_deviations(state, problem, limit, sigma_px, found, work)
-        lens_of(state, problem.corner_px, lens)
-        fit = _Fit(state, work, lens, *found)
-        known = self.view.camera is not None
-        return fit if known or self._plausible(fit, problem) else None
+    def _starts(self, rows: Sequence[Array]) -> list[Array]:
+        """Return the starts (18,) of rows: pose and lens."""
+        starts = []
+        for row in rows:
+            start = np.zeros(POSE_SIZE + LENS_SIZE)
+            start[:POSE_SIZE] = row[:POSE_SIZE]
+            starts.append(start)
+            if self.camera is not None:
+                start[POSE_SIZE:] = lens_from_camera(self.camera, self.view.center_px)
+                continue
+            start[POSE_SIZE + FOCAL], start[POSE_SIZE + K] = row[G], row[G] * row[H]
+            typical_px = typical_focal_px(self.view.corner_px)
+            if abs(math.log(row[G] / typical_px)) > _FAR_FROM_TYPICAL:
+                # A few points may fit a focal length far beyond every real one exactly; least
+                # squares does not find the way back. The size in the image stays the same.
+                other = start.copy()
+                other[TRANSLATION + 2] *= typical_px / row[G]
+                other[POSE_SIZE + FOCAL], other[POSE_SIZE + K] = typical_px, 0.0
+                starts.append(other)
+        return starts
 
-    def _plausible(self, fit: _Fit, problem: FullProblem) -> bool:
+    def _fit(self, start: Array, given: FullProblem, *, widens: bool = True) -> _Fit:
+        view, options = self.view, self.options
+        n = len(view.image)
+        state, lens, squares = np.empty(STATE_SIZE), np.empty(LENS_SIZE), np.empty(n)
+        covariance = np.empty((COVARIANCE_SIZE, COVARIANCE_SIZE))
+        exact = n == 4
+        rules = Rules(
+            math.inf if exact else options.threshold_px**2,
+            options.sigma_px or (self.noise_px if n < _FEWEST_TO_MEASURE else 0.0),
+            widens and self.camera is not None,
+        )
+        scale = view.observation.board_scale
+        numbers = fit_view(start, given, rules, scale, state, lens, squares, covariance)
+        return _Fit(state, lens, squares, covariance, numbers)
+
+    def _plausible(self, fit: _Fit) -> bool:
         """
         Return whether the camera is within the limits.
 
         The corners of a fisheye's image are dark, and its polynomial there is an extrapolation:
         the largest field of view and distortion are judged at the farthest point that was seen.
         """
-        options = self.view.options
-        seen_px = math.sqrt(np.max(np.sum((self.view.view.image - fit.lens[1:3]) ** 2, axis=1)))
-        if not np.isfinite(fit.state).all():
-            return False
-        at_corner_deg, _ = _half_field(fit.lens, problem.corner_px)
-        seen_deg, bend = _half_field(fit.lens, seen_px)
+        options, numbers = self.options, fit.numbers
         return (
-            2.0 * at_corner_deg >= options.min_fov_deg
-            and 2.0 * seen_deg <= options.max_fov_deg
-            and abs(bend) <= options.max_distortion
+            # Written so that NaN is not plausible.
+            numbers.lens_chi2 < _LARGEST_LENS_CHI2
+            and 2.0 * math.degrees(numbers.corner_rad) >= options.min_fov_deg
+            and 2.0 * math.degrees(numbers.seen_rad) <= options.max_fov_deg
+            and abs(numbers.seen_bend) <= options.max_distortion
         )
 
-    def _cost(self, fit: _Fit, variance: float) -> float:
-        limit = self.view.options.threshold_px**2
-        return float(np.minimum(fit.work.squares, limit).sum() / variance + fit.prior_chi2)
+    def _ranked(self, fits: list[_Fit]) -> list[tuple[float, _Fit]]:
+        """
+        Return the best fit, and others that explain the view as well and differ from each other.
 
-    def _different(self, best: _Fit, others: Sequence[_Fit]) -> list[_Fit]:
-        """Return the fits that differ from the best one and from each other."""
-        kept = [best]
-        for fit in others:
-            apart = (np.linalg.norm(fit.state[:9] - other.state[:9]) for other in kept)
-            # |A - B| = √8 sin(angle / 2)
-            if min(apart) > math.sqrt(2.0) * _SAME_RAD:
-                kept.append(fit)
-        return kept[1:]
+        Each with the chi-square by which it is worse than the best.
+        """
+        if len(fits) == 1:
+            return [(0.0, fits[0])]
+        variance = min(fit.numbers.variance for fit in fits)
+        limit = self.options.threshold_px**2
+        costs = [
+            float(np.minimum(fit.squares, limit).sum()) / variance + fit.numbers.prior_chi2
+            for fit in fits
+        ]
+        order = sorted(range(len(fits)), key=costs.__getitem__)
+        excess = [(costs[i] - costs[order[0]], fits[i]) for i in order]
+        return _different([one for one in excess if one[0] < MAX_RATIO])
 
-    def _result(
-        self, fit: _Fit, others: list[_Fit], problem: FullProblem, estimate: PoseEstimate
-    ) -> PoseEstimate:
-        view = self.view.view
-        covariance = np.empty((COVARIANCE_SIZE, COVARIANCE_SIZE))
-        scale = view.observation.board_scale
-        public_covariance(fit.state, problem, scale, fit.work, covariance)
-        inliers = fit.work.squares < self.view.options.threshold_px**2
-        observable = self._observability(fit, problem, covariance)
-        status = estimate.status
-        if status is not Status.FOUR_POINTS and observable.undetermined:
-            status = Status.UNDETERMINED
-        elif status is Status.UNDETERMINED:
-            status = Status.CONFIDENT
-        return PoseEstimate(
-            model=self._solution(fit),
-            status=status,
-            inliers=inliers,
-            rms_px=math.sqrt(fit.work.squares[inliers].mean()) if inliers.any() else math.nan,
-            iterations=estimate.iterations,
-            covariance=mark_undetermined(covariance, observable),
-            alternatives=tuple(self._solution(other) for other in others),
-            observable=observable,
-        )
+    def _include_alternatives(self, ranked: Sequence[tuple[float, _Fit]]) -> None:
+        """
+        Widen the best fit's covariance by the alternatives, as probable as they are, in place.
 
-    def _observability(self, fit: _Fit, problem: FullProblem, covariance: Array) -> Observability:
-        view = self.view.view
-        translation = view.observation.translation_from_row(fit.state)
-        focal_px = float(fit.lens[0])
-        observable = observability_of(focal_px, translation, covariance, problem.corner_px)
-        if problem.usual > 0.0 and observable.distortion:
-            # A sigma that is hardly smaller than the prior's is not from the view.
-            at = int(np.flatnonzero(problem.active == POSE_COLUMNS + BEND)[0])
-            share_of_prior = fit.work.covariance[at, at] * problem.information[BEND, BEND]
-            observable = replace(observable, distortion=bool(share_of_prior < _FROM_THE_VIEW))
-        share = math.sqrt(max(covariance[COV_FOCAL, COV_FOCAL], 0.0)) / focal_px
-        if self.view.camera is not None or share < _CERTAIN or not observable.focal:
+        With the probability pᵢ of an alternative that is off by dᵢ, the second moment about the
+        best fit is  C + Σ pᵢ dᵢ dᵢᵀ.
+        """
+        best = ranked[0][1]
+        weights = np.array([math.exp(-0.5 * excess) for excess, _ in ranked])
+        pose = self._model(best).camera_from_board
+        for (_, fit), weight in zip(ranked[1:], weights[1:], strict=True):
+            other = self._model(fit).camera_from_board
+            turn = Pose(other.rotation @ pose.rotation.T, np.zeros(3)).rotation_vector
+            off = np.concatenate([other.translation - pose.translation, turn, np.zeros(2)])
+            off[COV_FOCAL] = fit.lens[FOCAL] - best.lens[FOCAL]
+            off[COV_K] = fit.lens[K] - best.lens[K]
+            best.covariance[:] += weight / weights.sum() * np.outer(off, off)
+
+    def _observable(self, fit: _Fit, given: FullProblem) -> Observability:
+        focal_px, covariance = float(fit.lens[FOCAL]), fit.covariance
+        translation = self.view.observation.translation_from_row(fit.state)
+        observable = observability_of(focal_px, translation, covariance, given.corner_px)
+        if self.camera is not None:
             return observable
-        limit = self.view.options.threshold_px**2
-        for factor in _FOCAL_FACTORS:
-            excess = other_focal_excess(
-                fit.state, problem, factor, fit.variance, limit, _HELD_STEPS, fit.work
-            )
-            if excess < MAX_RATIO:
-                return replace(observable, distance=False, focal=False)
+        if given.usual > 0.0 and observable.distortion:
+            # A sigma that is hardly smaller than the prior's is not from the view.
+            from_view = fit.numbers.bend_share < _FROM_THE_VIEW
+            observable = replace(observable, distortion=from_view)
+        if not observable.focal:
+            return replace(observable, distance=False)
+        largest = self._focal_share(fit, given)
+        if largest > MAX_FOCAL_SHARE:
+            return replace(observable, distance=False, focal=False)
+        widen_focal(fit.covariance, focal_px, largest)
         return observable
 
-    def _solution(self, fit: _Fit) -> Solution:
-        camera = self.view.camera
-        if camera is None:
-            camera = camera_from_lens(fit.lens, self.view.view.center_px)
-        return Solution(camera, self.view.view.observation.pose_from_row(fit.state[:12]))
+    def _focal_share(self, fit: _Fit, given: FullProblem) -> float:
+        """
+        Return the relative standard deviation of the focal length, from its likelihood too.
+
+        Near fronto-parallel views the covariance misleads: the estimate rests on a tilt that is
+        noise, and at that tilt the focal length seems determined.
+        """
+        share = sigma_at(fit.covariance, COV_FOCAL) / float(fit.lens[FOCAL])
+        four = len(fit.squares) == 4
+        if share < (_CERTAIN_OF_FOUR if four else _CERTAIN):
+            return share
+        limit, variance = self.options.threshold_px**2, fit.numbers.variance
+        log_factor = math.log(2.0)
+        not_observable = (log_factor / MAX_FOCAL_SHARE) ** 2
+        for factor in (0.5, 2.0):
+            excess = other_focal_excess(fit.state, given, factor, variance, limit, not_observable)
+            # A normal log f that is off by ln 2 has the chi-square (ln 2 / share)².
+            share = max(share, log_factor / math.sqrt(max(excess, 1e-6)))
+            if share > MAX_FOCAL_SHARE or (not four and excess > _CLEARLY_WORSE):
+                break
+        return share
+
+    def _model(self, fit: _Fit) -> Solution:
+        camera = self.camera or camera_from_lens(fit.lens, self.view.center_px)
+        return Solution(camera, self.view.observation.pose_from_row(fit.state[:POSE_SIZE]))
+
+    def _given(self, row: Array) -> FullProblem:
+        """Return the problem of the view, its priors about a row's camera."""
+        view, options = self.view, self.options
+        if self.camera is not None and self.lens_covariance is None:
+            given = _exact_lens(options, self.camera, view.corner_px, view.center_px)
+        elif self.camera is not None:
+            lens = lens_from_camera(self.camera, view.center_px)
+            given = _known_lens(options, lens, view.corner_px, self.lens_covariance)
+        elif options.prior_k_sigma is None:
+            given = _usual_lens(options, view.corner_px, self.center_known)
+        else:
+            given = _usual_lens(options, view.corner_px, self.center_known)
+            given = self._with_prior_on_k(options.prior_focal_px or float(row[G]), given)
+        return FullProblem(view.image, view.board, view.corner_px, *given)
+
+    def _with_prior_on_k(self, focal_px: float, given: _Lens) -> _Lens:
+        """Add the caller's prior on k = b₁ (f/R)², linear about a focal length."""
+        options, unit = self.options, (focal_px / self.view.corner_px) ** 2
+        sigma = options.prior_k_sigma
+        assert sigma is not None
+        mean, information = given.mean.copy(), given.information.copy()
+        # dk = unit db₁ + 2 k d(log f); the mean has the given k at its own focal length.
+        by = np.zeros(LENS_SIZE)
+        by[LOG_FOCAL], by[BEND] = 2.0 * options.prior_k, unit
+        information[BEND:, BEND:] = np.diag([0.0, 0.1**-2, 0.02**-2])
+        information += np.outer(by, by) / sigma**2
+        mean[BEND] = options.prior_k * (1.0 + 2.0 * (math.log(focal_px) - mean[LOG_FOCAL])) / unit
+        return given._replace(mean=mean, information=information, usual=0.0)
 
 
-def known_lens_problem(
-    view: CenteredView, lens: Array, covariance: Array, options: EstimateOptions
-) -> FullProblem:
+class LensContrast(NamedTuple):
     """
-    Return the problem of a view with a lens (6,) of known covariance (6, 6).
+    A view with a known camera against the same view with a camera of its own.
 
-    The lens is relative to the view's centre. Terms of zero variance keep their values.
+    excess: by how much chi-square is larger with the known camera; log_ratio: of the own focal
+    length to the known one, and sigma, its standard deviation.
     """
-    corner_px = view.corner_px
+
+    excess: float
+    log_ratio: float
+    sigma: float
+
+
+def lens_contrast(
+    known: FullViewProblem, row: Array, free: FullViewProblem, rows: Sequence[Array]
+) -> LensContrast:
+    """
+    Compare a known camera with a free one; both with deviations of their usual sizes.
+
+    row, rows: where the fits start.
+    """
+    of_known, of_free = known.best_fit([row]), free.best_fit(rows)
+    variance = min(of_known.numbers.variance, of_free.numbers.variance)
+    limit = known.options.threshold_px**2
+    first, second = (
+        float(np.minimum(fit.squares, limit).sum()) / variance + fit.numbers.prior_chi2
+        for fit in (of_known, of_free)
+    )
+    focal_px = float(of_free.lens[FOCAL])
+    log_ratio = math.log(focal_px / float(of_known.lens[FOCAL]))
+    return LensContrast(
+        first - second, log_ratio, sigma_at(of_free.covariance, COV_FOCAL) / focal_px
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def _exact_lens(
+    options: EstimateOptions,
+    camera: DivisionCamera,
+    corner_px: float,
+    center_px: tuple[float, float],
+) -> _Lens:
+    """Return the lens of a known camera; read-only, for all its views."""
+    return _known_lens(options, lens_from_camera(camera, center_px), corner_px, None)
+
+
+def _known_lens(
+    options: EstimateOptions, lens: Array, corner_px: float, covariance: Array | None
+) -> _Lens:
+    """Return a known lens (6,); terms of zero variance keep their values."""
     state = np.empty(STATE_SIZE)
     state_from(np.zeros(POSE_SIZE), lens, corner_px, state)
-    # θ = (log f, c, bᵢ = kᵢ (R/f)²ⁱ):  d(log f) = df / f,  dbᵢ = (R/f)²ⁱ dkᵢ - 2i bᵢ df / f.
-    jacobian = np.eye(LENS_SIZE)
-    jacobian[LOG_FOCAL, FOCAL] = 1.0 / lens[FOCAL]
     mean = state[POSE_SIZE : POSE_SIZE + LENS_SIZE]
-    for i in range(3):
-        jacobian[BEND + i, K + i] = (corner_px / lens[FOCAL]) ** (2 * i + 2)
-        jacobian[BEND + i, FOCAL] = -(2 * i + 2) * mean[BEND + i] / lens[FOCAL]
-    free = np.diag(covariance) > 0.0
-    information = np.zeros((LENS_SIZE, LENS_SIZE))
-    if free.any():
+    information, sizes = np.zeros((LENS_SIZE, LENS_SIZE)), _sizes_of(options)
+    free = np.zeros(LENS_SIZE, dtype=bool)
+    if covariance is not None:
+        # θ = (log f, c, bᵢ = kᵢ (R/f)²ⁱ):  d(log f) = df / f,
+        # dbᵢ = (R/f)²ⁱ dkᵢ - 2i bᵢ df / f.
+        jacobian = np.eye(LENS_SIZE)
+        jacobian[LOG_FOCAL, FOCAL] = 1.0 / lens[FOCAL]
+        for i in range(3):
+            jacobian[BEND + i, K + i] = (corner_px / lens[FOCAL]) ** (2 * i + 2)
+            jacobian[BEND + i, FOCAL] = -(2 * i + 2) * mean[BEND + i] / lens[FOCAL]
+        free = np.diag(covariance) > 0.0
         transformed = (jacobian @ covariance @ jacobian.T)[np.ix_(free, free)]
         information[np.ix_(free, free)] = inverse_of_information(transformed)
-    sizes = _sizes_of(options)
     active = np.concatenate([np.ones(POSE_COLUMNS, dtype=bool), free, sizes > 0.0])
-    return FullProblem(
-        view.image,
-        view.board,
-        corner_px,
-        mean.copy(),
-        information,
-        0.0,
-        sizes,
-        np.flatnonzero(active),
-    )
+    return _Lens(mean, information, 0.0, sizes, np.flatnonzero(active))
+
+
+@functools.lru_cache(maxsize=64)
+def _usual_lens(options: EstimateOptions, corner_px: float, center_known: bool) -> _Lens:
+    """Return the priors on the lens of an unknown camera; read-only, for all its views."""
+    mean, sigma = np.zeros(LENS_SIZE), np.ones(LENS_SIZE)
+    mean[LOG_FOCAL] = math.log(typical_focal_px(corner_px))
+    sigma[LOG_FOCAL] = options.focal_spread
+    if options.prior_focal_px is not None and options.prior_focal_sigma_px is not None:
+        mean[LOG_FOCAL] = math.log(options.prior_focal_px)
+        sigma[LOG_FOCAL] = options.prior_focal_sigma_px / options.prior_focal_px
+    center_known = center_known or options.center_spread == 0.0
+    if not center_known:
+        sigma[CX] = sigma[CY] = options.center_spread * 2.0 * corner_px
+    sizes = _sizes_of(options)
+    sizes[SHEAR] = 0.0  # which would cost an unknown camera half of its accuracy
+    active = np.ones(PARAMETERS, dtype=bool)
+    active[POSE_COLUMNS + CX : POSE_COLUMNS + CY + 1] = not center_known
+    active[POSE_COLUMNS + BEND + 1 : POSE_COLUMNS + LENS_SIZE] = options.lens_spread > 0.0
+    active[POSE_COLUMNS + LENS_SIZE :] = sizes > 0.0
+    usual = options.lens_spread or 1.0
+    return _Lens(mean, np.diag(sigma**-2.0), usual, sizes, np.flatnonzero(active))
 
 
 def _sizes_of(options: EstimateOptions) -> Array:
@@ -349,34 +437,18 @@ def _sizes_of(options: EstimateOptions) -> Array:
     return sizes
 
 
-def widen_deviations(
-    state: Array,
-    problem: FullProblem,
-    limit: float,
-    sigma_px: float,
-    found: tuple[float, float, float, int, float],
-    work: FullWork,
-) -> tuple[float, float, float, int, float]:
-    """
-    Fit again with larger deviations, in place, while the fit asks for more than it was allowed.
-
-    A view that deviates more than usual (a bent print, a faster motion) then has the covariance
-    that its own misfit asks for.
-    """
-    active = problem.sizes > 0.0
-    for _ in range(_WIDENINGS):
-        multiples = state[STATE_SIZE - DEVIATIONS :]
-        excess = float(np.mean(multiples[active] ** 2)) if active.any() else 0.0
-        if not excess > 1.0:
-            break
-        problem.sizes[:] *= math.sqrt(excess)
-        multiples /= math.sqrt(excess)
-        found = fit_full(state, problem, limit, sigma_px, found[1], work)
-    return found
+def _different(ranked: Sequence[tuple[float, _Fit]]) -> list[tuple[float, _Fit]]:
+    """Return the fits that differ from those before them."""
+    kept = [ranked[0]]
+    for excess, fit in ranked[1:]:
+        apart = (np.linalg.norm(fit.state[:9] - other.state[:9]) for _, other in kept)
+        # |A - B| = √8 sin(angle / 2)
+        if min(apart) > math.sqrt(2.0) * _SAME_RAD:
+            kept.append((excess, fit))
+    return kept
 
 
-def _half_field(lens: Array, radius_px: float) -> tuple[float, float]:
-    """Return angle to the axis, degrees, and bend of the ray at a distance from the centre."""
-    q = (radius_px / lens[FOCAL]) ** 2
-    bend = q * (lens[K] + q * (lens[K2] + q * lens[K3]))
-    return math.degrees(math.atan2(math.sqrt(q), 1.0 + bend)), bend
+def _status(status: Status, observable: Observability) -> Status:
+    if status is Status.FOUR_POINTS or not observable.undetermined:
+        return status
+    return Status.UNDETERMINED

@@ -4,38 +4,54 @@
 """
 The full fit of one view: the maximum of the posterior, with the covariance that follows.
 
-``full_model`` has the parameters. The prior on the bends depends on the focal length, and the
-noise on the fit, so rounds of least squares alternate with measuring both.
+``full_model`` has the parameters, ``full_descent`` the least squares. Here are the starts, the end
+of a fit, and the likelihood of other focal lengths.
 
-This module stands alone because it is the fit; ``full_estimate`` makes a result of it.
+This module stands alone because it is compiled; ``full_estimate`` makes a result of it.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
+from .full_descent import (
+    chi2_of,
+    descend,
+    Descent,
+    FIRST_DAMPING,
+    Gate,
+    GATE_SIGMAS,
+    Noise,
+    SMALLEST_SIGMA_PX,
+    step,
+)
 from .full_model import (
+    add_priors,
     BEND,
-    chi2,
+    DEVIATION,
     DEVIATION_COLUMN,
+    DEVIATIONS,
+    full_work,
     FullProblem,
     FullWork,
     LENS,
+    lens_chi2,
     LENS_COLUMN,
     lens_of,
     LOG_FOCAL,
-    normal_equations,
-    PARAMETERS,
     prior_chi2,
-    squared_error,
-    STATE_SIZE,
+    set_usual_bends,
+    state_from,
+    STRETCH,
+    write_squares,
 )
 from ..geometry import Array, POSE_SIZE, TRANSLATION
 from ..jit import jit, kernel
-from ..linalg import invert_information, rotate, solve_in_place
-from ..model.lens import CX, CY, FOCAL, K, POSE_COLUMNS
+from ..linalg import invert_information, rotate
+from ..model.lens import CX, CY, FOCAL, K, K2, K3, POSE_COLUMNS
 from ..model.uncertainty import (
     COV_FOCAL,
     COV_K,
@@ -45,332 +61,321 @@ from ..model.uncertainty import (
     posterior_variance,
 )
 
-_FIRST_DAMPING = 1e-4
-_SMALLEST_DAMPING = 1e-12
-_LARGEST_DAMPING = 1e8
+_STEPS, _LAST_STEPS = 8, 60
 
-# Each round measures the noise and fits, until the noise changes by less than this share; then the
-# last one fits to the end.
-_ROUNDS = 10
+# The fit ends when the measured variance of the noise changes by less than this share.
+_ROUNDS = 6
 _SAME_NOISE = 0.02
-_STEPS, _TOLERANCE = 20, 1e-3
-_LAST_STEPS, _LAST_TOLERANCE = 100, 1e-9
 
-# Points beyond this many standard deviations of a coordinate are outliers in the rounds before
-# the last, if that is more than the threshold: a start may be far from its optimum.
-_GATE_SIGMAS = 4.0
-
-# Standard deviations of k, k2 and k3 of real lenses (an equidistant one has about -1/3, -1/45 and
-# -2/945), and of the bends of lenses so long that this would allow hardly any.
-_TERM_SPREADS = (0.4, 0.03, 0.003)
-_BEND_SPREADS = (0.2, 0.1, 0.02)
-
-# Starts are first improved with a wide limit, this multiple of the threshold (both squared).
+# Where points are off by little more than the threshold, or a fit does not converge, starts with
+# the lenses of fisheyes are tried, with a wide limit: this multiple of the threshold (squares).
 _WIDE = 100.0
-_START_ROUNDS, _START_STEPS = 3, 10
-_CONVERGED = 1e-4
+_START_STEPS = 8
+_HALF_FOVS_RAD = (0.5, 0.8, 1.1, 1.4)
+_MOST_CLOSE_OUTLIERS = 0.02
 
-# Information that holds a logarithm of the focal length.
+# With another focal length: number of steps, and the information that holds its logarithm.
+_HELD_STEPS = 8
 _HELD = 1e10
 
-# Lower limit of the measured noise, px. The corners of photographs share errors (blur, sampling)
-# that their residuals do not show.
-_SMALLEST_SIGMA_PX = 0.1
+# Largest number of times that a known camera's view gets larger deviations.
+_WIDENINGS = 4
+
+
+class Rules(NamedTuple):
+    """
+    What counts in a fit.
+
+    threshold2: points with larger squared errors, px², are outliers; sigma_px: of a coordinate, 0:
+    measured; widens: the sizes of the deviations grow where the view asks for more.
+    """
+
+    threshold2: float
+    sigma_px: float
+    widens: bool
+
+
+class FullFit(NamedTuple):
+    """
+    The numbers of a fit.
+
+    prior_chi2: deviation from the priors, lens_chi2: of the lens alone, in variances.
+    variance: of the noise, px²; dof: degrees of freedom with which it was measured, 0: given.
+    corner_rad, seen_rad: angle to the axis at the image's corner and at the farthest point that
+    was seen; seen_bend: bend there.
+    bend_share: variance of the first bend over that of its prior.
+    """
+
+    prior_chi2: float
+    lens_chi2: float
+    variance: float
+    dof: float
+    corner_rad: float
+    seen_rad: float
+    seen_bend: float
+    bend_share: float
+
+
+@jit
+def fit_view(
+    start: Array,
+    given: FullProblem,
+    rules: Rules,
+    board_scale: tuple[float, float, float],
+    state: Array,
+    lens: Array,
+    squares: Array,
+    covariance: Array,
+) -> FullFit:
+    """
+    Fit a view from a start (18,): pose (12,) of the scaled board and lens (6,).
+
+    Write the state (25,), the lens (6,), the squared errors (N,), px², and the covariance (8, 8)
+    of x, y, z, rotation x, y, z, focal_px, k. board_scale: see ``Observation``.
+    """
+    problem = FullProblem(
+        given.image,
+        given.board,
+        given.corner_px,
+        given.mean,
+        given.information.copy(),
+        given.usual,
+        given.sizes.copy(),
+        given.active,
+    )
+    work = full_work(len(problem.image))
+    state_from(start, start[POSE_SIZE:], problem.corner_px, state)
+    variance, dof = _fit(state, problem, rules, SMALLEST_SIGMA_PX**2, work)
+    if rules.widens:
+        variance, dof = _widen(state, problem, rules, variance, dof, work)
+    lens_of(state, problem.corner_px, lens)
+    squares[:] = work.squares
+    _public_covariance(state, problem, board_scale, work, covariance)
+    bend_share = 0.0
+    for a in range(len(problem.active)):
+        if problem.active[a] == LENS_COLUMN + BEND:
+            bend_share = work.covariance[a, a] * problem.information[BEND, BEND]
+    farthest2 = 0.0
+    for i in range(len(problem.image)):
+        x, y = problem.image[i, 0] - lens[CX], problem.image[i, 1] - lens[CY]
+        farthest2 = max(farthest2, x * x + y * y)
+    corner_rad, _ = _half_field(lens, problem.corner_px)
+    seen_rad, seen_bend = _half_field(lens, math.sqrt(farthest2))
+    of_all, of_lens = prior_chi2(state, problem), lens_chi2(state, problem)
+    return FullFit(of_all, of_lens, variance, dof, corner_rad, seen_rad, seen_bend, bend_share)
 
 
 @kernel
-def _step(state: Array, problem: FullProblem, damping: float, work: FullWork) -> bool:
-    """Write the state after one damped step to work.trial; return False if there is none."""
-    active, system, trial = problem.active, work.system, work.trial
-    m = len(active)
-    for a in range(m):
-        for b in range(m):
-            system[a, b] = work.normal[active[a], active[b]]
-        system[a, a] *= 1.0 + damping
-        system[a, m] = work.normal[active[a], PARAMETERS]
-    if not solve_in_place(system, m):
-        return False
-    for i in range(STATE_SIZE):
-        trial[i] = state[i]
-    for a in range(POSE_COLUMNS, m):
-        trial[active[a] + POSE_SIZE - POSE_COLUMNS] += system[a, m]
-    rotate(state, system[0, m], system[1, m], system[2, m], trial)
-    for i in range(3):
-        trial[TRANSLATION + i] += system[3 + i, m]
-    return bool(abs(trial[LENS + LOG_FOCAL]) < 100.0)
+def _half_field(lens: Array, radius_px: float) -> tuple[float, float]:
+    """Return angle to the axis, radians, and bend of the ray at a distance from the centre."""
+    q = (radius_px / lens[FOCAL]) ** 2
+    bend = q * (lens[K] + q * (lens[K2] + q * lens[K3]))
+    return math.atan2(math.sqrt(q), 1.0 + bend), bend
 
 
-@kernel
-def minimise_full(
+@jit
+def _widen(
     state: Array,
     problem: FullProblem,
+    rules: Rules,
     variance: float,
-    limit: float,
-    max_steps: int,
-    tolerance: float,
+    dof: float,
     work: FullWork,
-) -> float:
-    """Minimise the truncated chi-square in place by Levenberg-Marquardt; return it."""
-    cost = chi2(state, problem, variance, limit, math.inf, work.lens)
-    damping = _FIRST_DAMPING
-    moved = True
-    for _ in range(max_steps):
-        if moved and normal_equations(state, problem, variance, limit, work) < 4:
+) -> tuple[float, float]:
+    """
+    Fit again with larger deviations, in place, while the fit asks for more than it was allowed.
+
+    A view that deviates more than usual (a bent print, a faster motion) then has the covariance
+    that its own misfit asks for.
+    """
+    for _ in range(_WIDENINGS):
+        total, count = 0.0, 0
+        for i in range(DEVIATIONS):
+            if problem.sizes[i] > 0.0:
+                total += state[DEVIATION + i] ** 2
+                count += 1
+        if not total > count:
             break
-        moved = False
-        lower = math.inf
-        if _step(state, problem, damping, work):
-            lower = chi2(work.trial, problem, variance, limit, cost, work.lens)
-        if lower < cost:
-            gain = cost - lower
-            for i in range(STATE_SIZE):
-                state[i] = work.trial[i]
-            moved = True
-            cost = lower
-            damping = max(0.1 * damping, _SMALLEST_DAMPING)
-            if gain <= tolerance * cost:
-                break
-        else:
-            damping *= 10.0
-            if damping > _LARGEST_DAMPING:
-                break
-    return cost
+        growth = math.sqrt(total / count)
+        for i in range(DEVIATIONS):
+            problem.sizes[i] *= growth
+            state[DEVIATION + i] /= growth
+        variance, dof = _fit(state, problem, rules, variance, work)
+    return variance, dof
 
 
-@kernel
-def _set_usual_bends(state: Array, problem: FullProblem) -> None:
-    """Set the prior on the bends to that of real lenses with the state's focal length."""
-    if not problem.usual > 0.0:
-        return
-    log_unit = 2.0 * (math.log(problem.corner_px) - state[LENS + LOG_FOCAL])
-    unit = math.exp(min(max(log_unit, -50.0), 50.0))
-    power = 1.0
-    for i in range(3):
-        power *= unit
-        spread2 = (_TERM_SPREADS[i] * power) ** 2 + _BEND_SPREADS[i] ** 2
-        problem.information[BEND + i, BEND + i] = 1.0 / (problem.usual**2 * spread2)
-
-
-@kernel
-def _relax_lens(
-    state: Array, problem: FullProblem, limit: float, sigma_px: float, work: FullWork
-) -> bool:
+@jit
+def _fit(
+    state: Array, problem: FullProblem, rules: Rules, start_variance: float, work: FullWork
+) -> tuple[float, float]:
     """
-    Write the state with the best lens and distance for its rotation, tx and ty to work.trial.
+    Fit the state in place; return the variance of the noise, px², and its degrees of freedom.
 
-    With τ = r/R, the ray of a pixel goes through its point if
-        ρ (1 + b₁ τ² + b₂ τ⁴ + b₃ τ⁶) f = r (Z + t_z),
-    which is linear in f, f b₁, f b₂, f b₃ and t_z: in one step they go as far as least squares
-    would creep in hundreds, since a change of f must move t_z and all bends along.
+    work.covariance, over the active columns, and work.squares are those of the result.
     """
-    system, trial = work.system, work.trial
-    for a in range(5):
-        for b in range(6):
-            system[a, b] = 0.0
-    lens_of(state, problem.corner_px, work.lens)
-    by = work.covariance[0]  # scratch
-    for i in range(len(problem.image)):
-        if not squared_error(state, work.lens, problem, i) < limit:
-            continue
-        _relaxing_row(state, problem, i, by)
-        for a in range(5):
-            for b in range(6):
-                system[a, b] += by[a] * by[b]
-    focal_px = math.exp(state[LENS + LOG_FOCAL])
-    for i in range(3):
-        information = problem.information[BEND + i, BEND + i]
-        system[1 + i, 1 + i] += information * (sigma_px / focal_px) ** 2
-    if not solve_in_place(system, 5) or not system[0, 5] > 0.0:
-        return False
-    for i in range(STATE_SIZE):
-        trial[i] = state[i]
-    trial[TRANSLATION + 2] = system[4, 5]
-    trial[LENS + LOG_FOCAL] = math.log(system[0, 5])
-    for i in range(3):
-        trial[LENS + BEND + i] = system[1 + i, 5] / system[0, 5]
-    return True
-
-
-@kernel
-def _relaxing_row(state: Array, problem: FullProblem, i: int, by: Array) -> None:
-    """Write the coefficients of f, f b₁, f b₂, f b₃ and t_z, and the right side, for point i."""
-    x, y = problem.board[i, 0], problem.board[i, 1]
-    z = state[6] * x + state[7] * y
-    px = state[0] * x + state[1] * y + state[TRANSLATION]
-    py = state[3] * x + state[4] * y + state[TRANSLATION + 1]
-    dx = problem.image[i, 0] - state[LENS + CX]
-    dy = problem.image[i, 1] - state[LENS + CY]
-    r = math.sqrt(dx * dx + dy * dy)
-    # Errors in pixels, for the distance of the start.
-    weight = 1.0 / max(abs(z + state[TRANSLATION + 2]), 1e-3)
-    t2 = (r / problem.corner_px) ** 2
-    by[0] = weight * math.sqrt(px * px + py * py)
-    by[1] = by[0] * t2
-    by[2] = by[1] * t2
-    by[3] = by[2] * t2
-    by[4] = -weight * r
-    by[5] = weight * r * z
+    threshold2, measured = rules.threshold2, rules.sigma_px == 0.0
+    variance = max(start_variance, SMALLEST_SIGMA_PX**2) if measured else rules.sigma_px**2
+    noise = Noise(variance, measured, float(min(len(problem.active), POSE_COLUMNS + 2)))
+    gate = Gate(threshold2, True)
+    set_usual_bends(state, problem)
+    found = descend(state, problem, noise, gate, _STEPS, 0.0, work)
+    slightly_off = _slightly_off(work.squares, threshold2)
+    improves = problem.usual > 0.0 and (slightly_off or not found.converged)
+    if improves:
+        fixed = Noise(max(found.variance, 1.0) if slightly_off else found.variance, False, 0.0)
+        _improve_start(state, problem, fixed, threshold2, work)
+    if improves or not found.converged:
+        found = descend(state, problem, noise, gate, _LAST_STEPS, 0.0, work)
+    if GATE_SIGMAS**2 * found.variance > threshold2:
+        noise = Noise(found.variance, measured, noise.determined)
+        gate = Gate(threshold2, False)
+        found = descend(state, problem, noise, gate, _LAST_STEPS, 0.0, work)
+    return _finish(state, problem, found, noise, threshold2, work)
 
 
 @jit
 def _improve_start(
-    state: Array, problem: FullProblem, threshold2: float, variance: float, work: FullWork
+    state: Array, problem: FullProblem, noise: Noise, threshold2: float, work: FullWork
 ) -> None:
-    """Replace the state by a better one if relaxing its lens leads to one."""
-    limit = _WIDE * threshold2
-    _set_usual_bends(state, problem)
-    other = state.copy()
-    cost = minimise_full(state, problem, variance, limit, _START_STEPS, _TOLERANCE, work)
-    lower = minimise_full(state, problem, variance, limit, 1, _TOLERANCE, work)
-    if cost - lower <= _CONVERGED * cost:
-        return
-    cost = lower
-    for _ in range(_START_ROUNDS):
-        _set_usual_bends(other, problem)
-        if not _relax_lens(other, problem, limit, math.sqrt(variance), work):
-            break
-        other[:] = work.trial
-        lower = minimise_full(other, problem, variance, limit, _START_STEPS, _TOLERANCE, work)
+    """Replace the state by the best of those to which it and equidistant lenses lead."""
+    gate = Gate(_WIDE * threshold2, False)
+    start, other = state.copy(), state.copy()
+    cost = math.inf
+    for i in range(len(_HALF_FOVS_RAD) + 1):
+        other[:] = start
+        set_usual_bends(other, problem)
+        if i > 0:
+            _set_equidistant(other, problem, _HALF_FOVS_RAD[i - 1])
+        lower = descend(other, problem, noise, gate, _START_STEPS, 0.0, work).cost
         if lower < cost:
             cost = lower
             state[:] = other
-    _set_usual_bends(state, problem)
-
-
-@jit
-def fit_full(
-    state: Array,
-    problem: FullProblem,
-    threshold2: float,
-    sigma_px: float,
-    start_variance: float,
-    work: FullWork,
-) -> tuple[float, float, float, int, float]:
-    """
-    Fit the state in place. sigma_px 0: the noise is measured.
-
-    Return chi-square of the priors, the noise variance (px²), its degrees of freedom (0: given),
-    the number of inliers and the sum of their squared errors. work.covariance, over the active
-    columns, and work.squares are those of the result.
-    """
-    measured = sigma_px == 0.0
-    variance = start_variance if measured else sigma_px * sigma_px
-    variance = max(variance, _SMALLEST_SIGMA_PX**2) if measured else variance
-    dof, before = 0.0, 0.0
-    if problem.usual > 0.0:
-        _improve_start(state, problem, threshold2, variance, work)
-    for _ in range(_ROUNDS):
-        _set_usual_bends(state, problem)
-        limit = max(threshold2, _GATE_SIGMAS**2 * variance)
-        minimise_full(state, problem, variance, limit, _STEPS, _TOLERANCE, work)
-        if not measured:
-            break
-        before = variance
-        variance, dof = _noise(state, problem, before, limit, work)
-        if abs(variance - before) <= _SAME_NOISE * before:
-            break
-    minimise_full(state, problem, variance, threshold2, _LAST_STEPS, _LAST_TOLERANCE, work)
-    if measured:
-        variance, dof = _noise(state, problem, variance, threshold2, work)
-    count, total = _inliers(state, problem, threshold2, work)
-    widened = posterior_variance(variance, int(dof), threshold2)
-    _determined(state, problem, widened, threshold2, work)
-    return prior_chi2(state, problem), variance, dof, count, total
+    set_usual_bends(state, problem)
 
 
 @kernel
-def _inliers(
-    state: Array, problem: FullProblem, limit: float, work: FullWork
-) -> tuple[int, float]:
-    """Write the squared errors; return the number and the sum of those below the limit, px²."""
-    lens_of(state, problem.corner_px, work.lens)
-    count, total = 0, 0.0
-    for i in range(len(problem.image)):
-        square = squared_error(state, work.lens, problem, i)
-        work.squares[i] = square
-        if square < limit:
+def _slightly_off(squares: Array, threshold2: float) -> bool:
+    """
+    Return whether some points are beyond the threshold by so little that the lens may be wrong.
+
+    Few outliers of a search are that close to their places.
+    """
+    count = 0
+    for square in squares:
+        if threshold2 <= square < _WIDE * threshold2:
             count += 1
-            total += square
-    return count, total
+    return count >= 2 and count > _MOST_CLOSE_OUTLIERS * len(squares)
 
 
 @jit
-def _noise(
-    state: Array, problem: FullProblem, variance: float, limit: float, work: FullWork
+def _set_equidistant(state: Array, problem: FullProblem, half_fov_rad: float) -> None:
+    """
+    Replace the lens by an equidistant one, and turn and move the board to the same place in it.
+
+    Its ray has the depth  r / tan(r) = 1 - r²/3 - r⁴/45 - 2 r⁶/945 - ...,  r its angle.
+    """
+    mx = my = 0.0
+    for i in range(len(problem.image)):
+        mx += (problem.image[i, 0] - state[LENS + CX]) / len(problem.image)
+        my += (problem.image[i, 1] - state[LENS + CY]) / len(problem.image)
+    radius_px = math.sqrt(mx * mx + my * my) + 1e-6 * problem.corner_px
+    focal_px = problem.corner_px / half_fov_rad
+    tx, ty, tz = state[TRANSLATION], state[TRANSLATION + 1], state[TRANSLATION + 2]
+    distance = math.sqrt(tx * tx + ty * ty + tz * tz)
+    ax, ay, az = tx / distance, ty / distance, tz / distance
+    angle = radius_px / focal_px
+    sine = math.sin(angle)
+    bx, by, bz = mx / radius_px * sine, my / radius_px * sine, math.cos(angle)
+    # The size across the ray stays the same.
+    sine_before = math.sqrt(ax * ax + ay * ay)
+    at_axis = focal_px * math.exp(-state[LENS + LOG_FOCAL])
+    distance *= sine_before / sine if sine_before > 0.05 and sine > 0.05 else at_axis
+    # The rotation that maps a to b: for ``rotate``, twice the tangent of half the angle.
+    scale = 2.0 / max(1.0 + ax * bx + ay * by + az * bz, 0.1)
+    wx, wy, wz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    before = state.copy()
+    rotate(before, scale * wx, scale * wy, scale * wz, state)
+    state[TRANSLATION], state[TRANSLATION + 1] = distance * bx, distance * by
+    state[TRANSLATION + 2] = distance * bz
+    square = half_fov_rad * half_fov_rad
+    state[LENS + LOG_FOCAL] = math.log(focal_px)
+    state[LENS + BEND] = -square / 3.0
+    state[LENS + BEND + 1] = -square * square / 45.0
+    state[LENS + BEND + 2] = -2.0 * square * square * square / 945.0
+    set_usual_bends(state, problem)
+
+
+@jit
+def _finish(
+    state: Array,
+    problem: FullProblem,
+    found: Descent,
+    noise: Noise,
+    threshold2: float,
+    work: FullWork,
 ) -> tuple[float, float]:
-    """Return the noise variance, px², from the inliers, and its degrees of freedom."""
-    count, total = _inliers(state, problem, limit, work)
-    dof = 2.0 * count - _determined(state, problem, variance, limit, work)
-    if not dof >= 1.0:
-        return variance, 0.0
-    return max(noise_variance(total, int(dof), limit), _SMALLEST_SIGMA_PX**2), dof
+    """Write covariance and squared errors, take the last step; return as `_fit` does."""
+    variance, dof = found.variance, 0.0
+    if noise.measured:
+        dof = max(2.0 * found.inliers - noise.determined, 0.0)
+    for _ in range(_ROUNDS):
+        determined = _invert(
+            state, problem, posterior_variance(variance, int(dof), threshold2), work
+        )
+        if not noise.measured:
+            break
+        dof = max(2.0 * found.inliers - determined, 0.0)
+        if dof < 1.0:
+            variance, dof = noise.variance, 0.0
+            break
+        before = variance
+        variance = max(noise_variance(found.total, int(dof), threshold2), SMALLEST_SIGMA_PX**2)
+        if abs(variance - before) <= _SAME_NOISE * before:
+            break
+    cost = chi2_of(state, problem, variance, threshold2, work)
+    add_priors(state, problem, variance, work)
+    if step(state, problem, FIRST_DAMPING, work) >= 0.0:
+        write_squares(work.trial, problem, work)
+        if chi2_of(work.trial, problem, variance, threshold2, work) < cost:
+            state[:] = work.trial
+        else:
+            write_squares(state, problem, work)
+    return variance, dof
 
 
-@jit
-def _determined(
-    state: Array, problem: FullProblem, variance: float, limit: float, work: FullWork
-) -> float:
+@kernel
+def _invert(state: Array, problem: FullProblem, variance: float, work: FullWork) -> float:
     """
     Write the covariance of the active columns; return how many parameters the points determine.
 
     With the information A of the points and P of the priors that is the trace of (A + P)⁻¹ A.
     """
-    normal_equations(state, problem, variance, limit, work)
-    active = problem.active
+    add_priors(state, problem, variance, work)
+    active, covariance = problem.active, work.covariance
     m = len(active)
-    information = np.empty((m, m))
     for a in range(m):
         for b in range(m):
-            information[a, b] = work.normal[active[a], active[b]]
-    invert_information(information, m, work.system, work.covariance)
+            work.information[a, b] = work.normal[active[a], active[b]]
+    invert_information(work.information, m, work.system, covariance)
     determined = float(m)
-    for a in range(POSE_COLUMNS, m):
-        for b in range(POSE_COLUMNS, m):
-            determined -= work.covariance[a, b] * _prior_entry(problem, active[a], active[b])
+    for a in range(m):
+        for b in range(m):
+            covariance[a, b] *= variance
+            if a >= POSE_COLUMNS and b >= POSE_COLUMNS:
+                determined -= covariance[a, b] * _prior_entry(problem, active[a], active[b])
     return determined
 
 
-@jit
-def other_focal_excess(
-    state: Array,
-    problem: FullProblem,
-    factor: float,
-    variance: float,
-    limit: float,
-    steps: int,
-    work: FullWork,
-) -> float:
-    """
-    Return by how much chi-square grows with another focal length, all else fitted again.
-
-    Near fronto-parallel views the standard deviation misleads: the estimate rests on a tilt that
-    is noise, and at that tilt the focal length seems determined.
-    """
-    cost = chi2(state, problem, variance, limit, math.inf, work.lens)
-    other = state.copy()
-    # The size in the image stays the same.
-    other[LENS + LOG_FOCAL] += math.log(factor)
-    other[TRANSLATION + 2] *= factor
-    mean, information = problem.mean.copy(), problem.information.copy()
-    information[LOG_FOCAL, :] = 0.0
-    information[:, LOG_FOCAL] = 0.0
-    mean[LOG_FOCAL], information[LOG_FOCAL, LOG_FOCAL] = other[LENS + LOG_FOCAL], _HELD
-    held = FullProblem(
-        problem.image,
-        problem.board,
-        problem.corner_px,
-        mean,
-        information,
-        problem.usual,
-        problem.sizes,
-        problem.active,
-    )
-    minimise_full(other, held, variance, limit, steps, _TOLERANCE, work)
-    return chi2(other, problem, variance, limit, math.inf, work.lens) - cost
+@kernel
+def _prior_entry(problem: FullProblem, a: int, b: int) -> float:
+    if a < DEVIATION_COLUMN and b < DEVIATION_COLUMN:
+        entry: float = problem.information[a - LENS_COLUMN, b - LENS_COLUMN]
+        return entry
+    return 1.0 if a == b else 0.0
 
 
 @jit
-def public_covariance(
+def _public_covariance(
     state: Array,
     problem: FullProblem,
     board_scale: tuple[float, float, float],
@@ -393,18 +398,78 @@ def public_covariance(
         elif parameter == LENS_COLUMN + BEND:
             vector[COV_K] = unit
         columns[:, a] = vector
+    across = np.zeros((n, m))
+    for i in range(n):
+        for a in range(m):
+            if columns[i, a] != 0.0:
+                for b in range(m):
+                    across[i, b] += columns[i, a] * work.covariance[a, b]
     for i in range(n):
         for j in range(i + 1):
             total = 0.0
-            for a in range(m):
-                for b in range(m):
-                    total += columns[i, a] * work.covariance[a, b] * columns[j, b]
+            for b in range(m):
+                total += across[i, b] * columns[j, b]
             covariance[i, j] = covariance[j, i] = total
+    # A board that is printed larger by a share looks the same nearer by that share.
+    _add_scale(state, problem.sizes[STRETCH], board_scale, covariance)
 
 
 @kernel
-def _prior_entry(problem: FullProblem, a: int, b: int) -> float:
-    if a < DEVIATION_COLUMN and b < DEVIATION_COLUMN:
-        entry: float = problem.information[a - LENS_COLUMN, b - LENS_COLUMN]
-        return entry
-    return 1.0 if a == b else 0.0
+def _add_scale(
+    state: Array, sigma: float, board_scale: tuple[float, float, float], covariance: Array
+) -> None:
+    """Add the standard deviation of the board's scale (a share) to the covariance (8, 8)."""
+    mean_x, mean_y, size = board_scale
+    for i in range(3):
+        first = size * state[TRANSLATION + i] - state[3 * i] * mean_x - state[3 * i + 1] * mean_y
+        for j in range(3):
+            second = (
+                size * state[TRANSLATION + j] - state[3 * j] * mean_x - state[3 * j + 1] * mean_y
+            )
+            covariance[i, j] += sigma * sigma * first * second
+
+
+@jit
+def other_focal_excess(
+    state: Array,
+    problem: FullProblem,
+    factor: float,
+    variance: float,
+    limit: float,
+    enough: float,
+) -> float:
+    """
+    Return by how much chi-square grows with another focal length, all else fitted again.
+
+    A value well beyond ``enough``, or well below, is rough.
+
+    Near fronto-parallel views the standard deviation misleads: the estimate rests on a tilt that
+    is noise, and at that tilt the focal length seems determined.
+    """
+    work = full_work(len(problem.image))
+    write_squares(state, problem, work)
+    cost = chi2_of(state, problem, variance, limit, work)
+    other = state.copy()
+    # The size in the image stays the same.
+    other[LENS + LOG_FOCAL] += math.log(factor)
+    other[TRANSLATION + 2] *= factor
+    mean, information = problem.mean.copy(), problem.information.copy()
+    information[LOG_FOCAL, :] = 0.0
+    information[:, LOG_FOCAL] = 0.0
+    mean[LOG_FOCAL], information[LOG_FOCAL, LOG_FOCAL] = other[LENS + LOG_FOCAL], _HELD
+    held = FullProblem(
+        problem.image,
+        problem.board,
+        problem.corner_px,
+        mean,
+        information,
+        problem.usual,
+        problem.sizes,
+        problem.active,
+    )
+    set_usual_bends(other, held)
+    noise, target = Noise(variance, False, 0.0), cost + 0.5 * enough
+    descend(other, held, noise, Gate(_WIDE * limit, False), _START_STEPS, target, work)
+    descend(other, held, noise, Gate(limit, False), _HELD_STEPS, target, work)
+    write_squares(other, problem, work)
+    return chi2_of(other, problem, variance, limit, work) - cost

@@ -44,7 +44,16 @@ LENS_COLUMN = POSE_COLUMNS
 DEVIATION_COLUMN = POSE_COLUMNS + LENS_SIZE
 PARAMETERS = DEVIATION_COLUMN + DEVIATIONS
 
+# Rows of derivatives that are added to the normal equations together.
+BLOCK = 8
+
 LOG_FOCAL, BEND = 0, 3  # places in the lens as parametrised here; the bends are the last three
+
+
+# Standard deviations of k, k2 and k3 of real lenses (an equidistant one has about -1/3, -1/45 and
+# -2/945), and of the bends of lenses so long that this would allow hardly any.
+_TERM_SPREADS = (0.4, 0.03, 0.003)
+_BEND_SPREADS = (0.2, 0.1, 0.02)
 
 
 class FullProblem(NamedTuple):
@@ -73,10 +82,12 @@ class FullWork(NamedTuple):
 
     lens: Array
     point: Array
-    jacobian: Array
+    block: Array
+    points: Array
     normal: Array
     system: Array
     trial: Array
+    information: Array
     covariance: Array
     squares: Array
 
@@ -88,10 +99,12 @@ def full_work(points: int) -> FullWork:
     return FullWork(
         np.empty(LENS_SIZE),
         np.empty((2, lens_kernels.COLUMNS)),
-        np.empty((2, PARAMETERS + 1)),
+        np.empty((BLOCK, PARAMETERS + 1)),
+        np.empty(size),
         np.empty(size),
         np.empty(size),
         np.empty(STATE_SIZE),
+        np.empty((PARAMETERS, PARAMETERS)),
         np.empty((PARAMETERS, PARAMETERS)),
         np.empty(points),
     )
@@ -159,9 +172,10 @@ def squared_error(state: Array, lens: Array, problem: FullProblem, i: int) -> fl
 
 
 @kernel
-def _linearise(state: Array, problem: FullProblem, i: int, work: FullWork) -> None:
-    """Write the (2, 20) derivatives and residual of point i; NaN if it is not visible."""
-    point, jacobian, lens = work.point, work.jacobian, work.lens
+def _linearise(state: Array, problem: FullProblem, i: int, row: int, work: FullWork) -> None:
+    """Write derivatives and residual of point i to two rows of the block; NaN if not visible."""
+    point, lens = work.point, work.lens
+    jacobian = work.block[row : row + 2]
     u, v = problem.image[i, 0], problem.image[i, 1]
     size = problem.sizes
     qx, qy, qz = _on_the_board(state, problem, i)
@@ -225,75 +239,111 @@ def _board_columns(
 
 
 @kernel
-def prior_chi2(state: Array, problem: FullProblem) -> float:
-    """Return the squared deviation from the priors, in variances."""
+def write_squares(state: Array, problem: FullProblem, work: FullWork) -> None:
+    """Write the squared errors, (N,) px²."""
+    lens_of(state, problem.corner_px, work.lens)
+    for i in range(len(problem.image)):
+        work.squares[i] = squared_error(state, work.lens, problem, i)
+
+
+@kernel
+def set_usual_bends(state: Array, problem: FullProblem) -> None:
+    """Set the prior on the bends to that of real lenses with the state's focal length."""
+    if not problem.usual > 0.0:
+        return
+    log_unit = 2.0 * (math.log(problem.corner_px) - state[LENS + LOG_FOCAL])
+    unit = math.exp(min(max(log_unit, -50.0), 50.0))
+    power = 1.0
+    for i in range(3):
+        power *= unit
+        spread2 = (_TERM_SPREADS[i] * power) ** 2 + _BEND_SPREADS[i] ** 2
+        problem.information[BEND + i, BEND + i] = 1.0 / (problem.usual**2 * spread2)
+
+
+@kernel
+def lens_chi2(state: Array, problem: FullProblem) -> float:
+    """Return the squared deviation of the lens from its prior, in variances."""
     total = 0.0
     for a in range(LENS_SIZE):
         for b in range(LENS_SIZE):
             product = (state[LENS + a] - problem.mean[a]) * (state[LENS + b] - problem.mean[b])
             total += problem.information[a, b] * product
+    return total
+
+
+@kernel
+def prior_chi2(state: Array, problem: FullProblem) -> float:
+    """Return the squared deviation of lens and deviations from the priors, in variances."""
+    total = lens_chi2(state, problem)
     for i in range(DEVIATIONS):
         total += state[DEVIATION + i] ** 2
     return total
 
 
 @kernel
-def chi2(
-    state: Array,
-    problem: FullProblem,
-    variance: float,
-    limit: float,
-    enough: float,
-    lens: Array,
-) -> float:
-    """Return chi-square, each error truncated at the limit (px²), and that of the priors."""
-    lens_of(state, problem.corner_px, lens)
-    total = prior_chi2(state, problem)
-    for i in range(len(problem.image)):
-        total += min(squared_error(state, lens, problem, i), limit) / variance
-        if not total <= enough:
-            return math.inf
-    return total
-
-
-@kernel
 def normal_equations(
-    state: Array, problem: FullProblem, variance: float, limit: float, work: FullWork
-) -> int:
-    """Write information and negative gradient of points and priors; return the points within."""
-    normal, jacobian, n = work.normal, work.jacobian, PARAMETERS
+    state: Array, problem: FullProblem, limit: float, work: FullWork
+) -> tuple[int, float]:
+    """
+    Write JᵀJ and, as last column, -Jᵀr of the points within the limit to work.points, px².
+
+    Also write the squared errors. Return the number of points within the limit and the sum of
+    their squared errors.
+    """
+    points, block, n = work.points, work.block, PARAMETERS
     for a in range(n):
         for b in range(n + 1):
-            normal[a, b] = 0.0
+            points[a, b] = 0.0
     lens_of(state, problem.corner_px, work.lens)
-    count = 0
+    count, total, rows = 0, 0.0, 0
     for i in range(len(problem.image)):
-        _linearise(state, problem, i, work)
+        _linearise(state, problem, i, rows, work)
+        square = block[rows, n] ** 2 + block[rows + 1, n] ** 2
+        work.squares[i] = square if square < math.inf else math.inf
         # Written so that NaN is not within.
-        if not jacobian[0, n] ** 2 + jacobian[1, n] ** 2 < limit:
+        if not square < limit:
             continue
         count += 1
-        for a in range(n):
-            first, second = jacobian[0, a], jacobian[1, a]
-            for b in range(a, n + 1):
-                normal[a, b] += first * jacobian[0, b] + second * jacobian[1, b]
+        total += square
+        rows += 2
+        if rows == BLOCK:
+            _add_block(block, points)
+            rows = 0
+    for row in range(rows, BLOCK):
+        for a in range(n + 1):
+            block[row, a] = 0.0
+    if rows:
+        _add_block(block, points)
     for a in range(n):
-        for b in range(a, n):
-            normal[a, b] /= variance
-            normal[b, a] = normal[a, b]
-        normal[a, n] /= -variance
-    _add_priors(state, problem, normal)
-    return count
+        points[a, n] = -points[a, n]
+    return count, total
 
 
 @kernel
-def _add_priors(state: Array, problem: FullProblem, normal: Array) -> None:
-    n = PARAMETERS
+def _add_block(block: Array, points: Array) -> None:
+    """Add JᵀJ and Jᵀr of eight rows; a loop of constant length over columns is vectorised."""
+    for a in range(PARAMETERS):
+        for b in range(PARAMETERS + 1):
+            points[a, b] += (
+                (block[0, a] * block[0, b] + block[1, a] * block[1, b])
+                + (block[2, a] * block[2, b] + block[3, a] * block[3, b])
+                + (block[4, a] * block[4, b] + block[5, a] * block[5, b])
+                + (block[6, a] * block[6, b] + block[7, a] * block[7, b])
+            )
+
+
+@kernel
+def add_priors(state: Array, problem: FullProblem, variance: float, work: FullWork) -> None:
+    """Write the information and negative gradient of points and priors, px², to work.normal."""
+    normal, n = work.normal, PARAMETERS
+    for a in range(n):
+        for b in range(n + 1):
+            normal[a, b] = work.points[a, b]
     for a in range(LENS_SIZE):
         for b in range(LENS_SIZE):
-            information = problem.information[a, b]
-            normal[LENS_COLUMN + a, LENS_COLUMN + b] += information
-            normal[LENS_COLUMN + a, n] -= information * (state[LENS + b] - problem.mean[b])
+            weight = variance * problem.information[a, b]
+            normal[LENS_COLUMN + a, LENS_COLUMN + b] += weight
+            normal[LENS_COLUMN + a, n] -= weight * (state[LENS + b] - problem.mean[b])
     for i in range(DEVIATIONS):
-        normal[DEVIATION_COLUMN + i, DEVIATION_COLUMN + i] += 1.0
-        normal[DEVIATION_COLUMN + i, n] -= state[DEVIATION + i]
+        normal[DEVIATION_COLUMN + i, DEVIATION_COLUMN + i] += variance
+        normal[DEVIATION_COLUMN + i, n] -= variance * state[DEVIATION + i]

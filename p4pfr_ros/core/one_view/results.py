@@ -10,8 +10,9 @@ infinite variances.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 import enum
+import functools
 import math
 from typing import Any
 
@@ -24,20 +25,20 @@ from ..options import check_ranges, option
 
 # Largest standard deviations of observable quantities: focal length and distance, relative; the
 # direction of the board, radians; the distortion, as k |d|² at the image's corner.
-_MAX_SHARE = 0.3
+_MAX_SHARE = MAX_FOCAL_SHARE = 0.3
 _MAX_DIRECTION_RAD = 0.3
 _MAX_BEND = 0.3
 
 
-# Usual deviations of real cameras and printed boards from the model.
-_REALISTIC: dict[str, Any] = {
-    'center_spread': 0.03,
-    'lens_spread': 1.0,
-    'aspect_spread': 0.003,
-    'image_shear': 0.003,
-    'board_stretch': 0.0015,
-    'board_bow': 0.002,
-}
+# Options that are zero in a world without deviations.
+_DEVIATIONS = (
+    'center_spread',
+    'lens_spread',
+    'aspect_spread',
+    'image_shear',
+    'board_stretch',
+    'board_bow',
+)
 
 
 class Status(enum.Enum):
@@ -50,6 +51,7 @@ class Status(enum.Enum):
     COLLINEAR = 'the board points are collinear and do not determine a pose'
     NO_SOLUTION = 'no camera within the limits explains the points'
     NO_CONSENSUS = 'too few points agree on one pose'
+    MISFIT = 'the calibration does not fit this image'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,8 +86,8 @@ class EstimateOptions:
         the usual spread of the distortion terms. The first counts only if another is not zero.
     aspect_spread, image_shear, board_stretch, board_bow
         Standard deviations of what a view does not tell: fy/fx of the pixels, shear of the image
-        by a rolling shutter (of known cameras), stretch and skew of the board, and its bow as a
-        share of half its size. Zero: exactly square, true, flat.
+        by a rolling shutter (of known cameras), scale, stretch and skew of the board, and its bow
+        as a share of half its size. Zero: exactly square, true, flat. `ideal` sets all to zero.
     seed
         The same seed and the same input give the same output.
 
@@ -163,37 +165,38 @@ class EstimateOptions:
         high=10.0,
     )
     center_spread: float = option(
-        0.0,
+        0.03,
         'Standard deviation of the principal point from the middle of the image, as a share of '
         'the diagonal; 0: exactly there.',
         low=0.0,
         high=0.5,
     )
     lens_spread: float = option(
-        0.0,
+        1.0,
         "Multiple of the usual standard deviations of a lens's distortion terms; 0: one term, of "
         'the usual standard deviation.',
         low=0.0,
         high=100.0,
     )
     aspect_spread: float = option(
-        0.0, 'Standard deviation of fy/fx of the pixels from 1; 0: square.', low=0.0, high=0.5
+        0.003, 'Standard deviation of fy/fx of the pixels from 1; 0: square.', low=0.0, high=0.5
     )
     image_shear: float = option(
-        0.0,
+        0.003,
         'Standard deviation of the shear of the image along its rows, as by a rolling shutter; '
         'for known cameras. 0: none.',
         low=0.0,
         high=0.5,
     )
     board_stretch: float = option(
-        0.0,
-        "Standard deviation of the board's stretch, along x against y, and of its skew; 0: none.",
+        0.0015,
+        "Standard deviation of the board's scale, of its stretch along x against y, and of its "
+        'skew; 0: none.',
         low=0.0,
         high=0.1,
     )
     board_bow: float = option(
-        0.0,
+        0.002,
         "Standard deviation of the board's bow, as a share of half its size; 0: flat.",
         low=0.0,
         high=0.1,
@@ -206,19 +209,20 @@ class EstimateOptions:
     )
 
     @classmethod
-    def realistic(cls, **changes: Any) -> EstimateOptions:
+    def ideal(cls, **changes: Any) -> EstimateOptions:
         """
-        Return options that allow the usual deviations of real cameras and printed boards.
+        Return options for a world without deviations.
 
-        With the defaults, all zero, an estimate is exact in a world without deviations, and
-        confidently wrong where the principal point is not in the middle of the image, say.
+        The principal point is exactly in the middle of the image (or as given), the lens has one
+        term, pixels are square and boards flat. Where that is not true, an estimate is
+        confidently wrong.
         """
-        return cls(**(_REALISTIC | changes))
+        return cls(**(dict.fromkeys(_DEVIATIONS, 0.0) | changes))
 
     @property
     def has_deviations(self) -> bool:
         """Whether more is uncertain than pose, focal length and one distortion term."""
-        return any(getattr(self, name) > 0.0 for name in _REALISTIC)
+        return any(getattr(self, name) > 0.0 for name in _DEVIATIONS)
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -329,6 +333,13 @@ class PoseEstimate:
         return math.sqrt(max(0.0, float(sight @ self.covariance[POSITION, POSITION] @ sight)))
 
 
+@functools.lru_cache(maxsize=64)
+def without_deviations(options: EstimateOptions) -> EstimateOptions:
+    """Return the same options for a world without deviations: those of a search."""
+    changes: dict[str, Any] = dict.fromkeys(_DEVIATIONS, 0.0)
+    return replace(options, **changes)
+
+
 def no_estimate(status: Status, n: int, iterations: int) -> PoseEstimate:
     """Return the result of a view of n points without a model."""
     return PoseEstimate(
@@ -368,6 +379,19 @@ def observability_of(
         focal=c[COV_FOCAL][COV_FOCAL] < (_MAX_SHARE * focal_px) ** 2,
         distortion=bend < _MAX_BEND,
     )
+
+
+def widen_focal(covariance: Array, focal_px: float, share: float) -> None:
+    """
+    Raise the standard deviation of the focal length to a share of it, in place.
+
+    What depends on the focal length becomes as uncertain as it follows it.
+    """
+    variance = covariance[COV_FOCAL, COV_FOCAL]
+    more = (share * focal_px) ** 2 - variance
+    if more > 0.0:
+        follows = covariance[:, COV_FOCAL] / variance
+        covariance += more * np.outer(follows, follows)
 
 
 def mark_undetermined(covariance: Array, observable: Observability) -> Array:

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""With `EstimateOptions.realistic`, covariances hold for cameras and boards that deviate."""
+"""Covariances hold for cameras and boards that deviate."""
 
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose
@@ -11,7 +11,7 @@ import pytest
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason='takes minutes interpreted')
 
-REALISTIC = EstimateOptions.realistic()
+DEFAULT = EstimateOptions()
 SIZE = (640, 480)
 MIDDLE = np.array([319.5, 239.5])
 HALF_DIAGONAL_PX = 400.0
@@ -88,7 +88,7 @@ def test_one_view_of_an_unknown_camera_is_not_confidently_wrong(lens, board):
     for _ in range(150):
         project, _ = lens(rng)
         pixels, pose = draw(rng, project, board, (0.3, 1.0), (10.0, 50.0), noise_px)
-        estimate = estimate_pose(pixels, board, image_size=SIZE, options=REALISTIC)
+        estimate = estimate_pose(pixels, board, image_size=SIZE, options=DEFAULT)
         if estimate.model is None or not estimate.observable.pose:
             continue
         published += 1
@@ -113,7 +113,7 @@ UNBOUNDED = [
 
 @pytest.mark.parametrize(('size', 'pixels', 'focal_px'), UNBOUNDED)
 def test_four_points_never_state_a_focal_length_far_off(size, pixels, focal_px):
-    estimate = estimate_pose(pixels, MARKER, image_size=size, options=REALISTIC)
+    estimate = estimate_pose(pixels, MARKER, image_size=size, options=DEFAULT)
     camera = estimate.model.camera
     assert 0.1 < camera.focal_px / focal_px < 10.0
     if estimate.observable.focal:
@@ -145,7 +145,7 @@ def test_a_known_camera_has_the_covariance_that_a_deviating_view_asks_for(deviat
     wrong = wrong_without = 0
     for _ in range(60):
         pixels, pose = draw(rng, project, BOARD, (0.35, 1.2), (0.0, 12.0), noise_px, points)
-        estimate = estimate_pose(pixels, BOARD, camera=CAMERA, options=REALISTIC)
+        estimate = estimate_pose(pixels, BOARD, camera=CAMERA, options=DEFAULT)
         assert estimate.model.camera == CAMERA
         estimated = estimate.model.camera_from_board
         ratio = np.linalg.norm(estimated.translation) / np.linalg.norm(pose.translation)
@@ -162,10 +162,10 @@ def test_a_known_camera_has_the_covariance_that_a_deviating_view_asks_for(deviat
 def test_a_view_without_deviations_is_still_exact():
     rng = np.random.default_rng(3)
     pixels, pose = draw(rng, CAMERA.project, BOARD, (0.4, 0.5), (30.0, 40.0), 0.0)
-    known = estimate_pose(pixels, BOARD, camera=CAMERA, options=REALISTIC)
+    known = estimate_pose(pixels, BOARD, camera=CAMERA, options=DEFAULT)
     estimated = known.model.camera_from_board
     np.testing.assert_allclose(estimated.translation, pose.translation, atol=1e-6)
     # Priors pull an unknown camera a little from the truth: by far less than its sigma.
-    free = estimate_pose(pixels, BOARD, image_size=SIZE, options=REALISTIC)
+    free = estimate_pose(pixels, BOARD, image_size=SIZE, options=DEFAULT)
     assert abs(free.model.camera.focal_px - 500.0) < free.focal_sigma_px
     assert free.observable.focal
