@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .ambiguity import another_focal_fits, MAX_OTHERS, other_optima
+from .consensus import fewest_inliers
 from .free_camera import Gates, Prior, prior_cost
 from .least_squares import (
     covariance_from,
@@ -92,6 +93,15 @@ class ViewProblem:
         """Whether the camera is unknown and the caller gave a prior on its focal length."""
         return self.camera is None and self.options.prior_focal_px is not None
 
+    @property
+    def fewest_inliers(self) -> int:
+        """The smallest number of inliers that is accepted; exactly four points must all be."""
+        options, image = self.options, self.view.image
+        at_least = max(options.min_inliers, math.ceil(options.min_inlier_ratio * len(image)))
+        # An image is no larger than the square whose diagonal reaches twice to its corner.
+        max_area = 2.0 * self.view.corner_px**2
+        return fewest_inliers(image, options.threshold_px, max_area, at_least)
+
     def problem(
         self,
         variance: float | None = None,
@@ -160,7 +170,7 @@ class ViewProblem:
         if not (observable.distortion and observable.focal):
             row[:] = start
             summary, observable = self._complete(row, observable, summary, search_others, arrays)
-        if summary.inliers < min(n, self.options.min_inliers):
+        if summary.inliers < self.fewest_inliers:
             return no_estimate(Status.NO_CONSENSUS, n, iterations)
         if others is None:
             others = arrays.others[: summary.others]

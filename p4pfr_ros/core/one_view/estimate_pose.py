@@ -245,6 +245,7 @@ def _search(view: ViewProblem, widen: float) -> Search:
     options = view.options
     return Search(
         widen * options.threshold_px**2,
+        view.fewest_inliers,
         options.confidence,
         min(options.min_iterations, math.comb(len(view.view.image), 4)),
         options.max_iterations,

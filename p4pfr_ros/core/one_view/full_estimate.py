@@ -153,7 +153,7 @@ class FullViewProblem(ViewProblem):
         ranked = self._ranked(fits)
         best, alternatives = ranked[0][1], [fit for _, fit in ranked[1:]]
         inliers = best.squares < options.threshold_px**2
-        if np.count_nonzero(inliers) < min(n, options.min_inliers):
+        if np.count_nonzero(inliers) < self.fewest_inliers:
             return no_estimate(Status.NO_CONSENSUS, n, iterations)
         observable = self._observable(best, given)
         if alternatives:

@@ -24,6 +24,7 @@ from .least_squares import (
     LeastSquaresWork,
     minimise,
     plausible,
+    POSE,
     Problem,
     truncated_cost,
 )
@@ -40,6 +41,11 @@ _WIDE_STEPS = 3
 _LOCAL_STEPS = 6
 _LOCAL_TOLERANCE = 1e-3
 
+# A search without an acceptable consensus ends after this multiple of the samples that contain one
+# without outliers, since noise spoils some of those too, and not before this many.
+_FRUITLESS = 2.0
+_FRUITLESS_SAMPLES = 500
+
 # If all points are inliers, with this many degrees of freedom, few samples are enough.
 _MANY = 16
 _FEW_SAMPLES = 3
@@ -49,11 +55,20 @@ _FEW_SAMPLES = 3
 _SMALLEST_SHARE = 0.01
 _REDRAWS = 20
 
+# A triangle with a smaller share of the largest one's area may be turned over by the distortion.
+_FLAT_SHARE = 0.1
+
 
 class Search(NamedTuple):
-    """The threshold of inliers, and the length of the search."""
+    """
+    The threshold of inliers, and the length of the search.
 
-    limit: float  # px², the squared threshold of inliers
+    limit: the squared threshold, px². fewest: the smallest number of inliers that is accepted; a
+    search for fewer does not go on.
+    """
+
+    limit: float
+    fewest: int
     confidence: float
     min_iterations: int
     max_iterations: int
@@ -93,7 +108,10 @@ def search_best(problem: Problem, search: Search, best: Array) -> tuple[int, flo
     cost = math.inf
     state = first_state(search.seed)
     smallest = smallest_triangles(problem.board, search.limit)
-    needed = math.inf
+    n = len(problem.image)
+    fruitless = _FRUITLESS * samples_needed(search.fewest, n, search.confidence)
+    fruitless = max(fruitless, _FRUITLESS_SAMPLES)
+    needed = fruitless
     at_least = search.min_iterations
     iteration = 0
     while iteration < search.max_iterations:
@@ -101,6 +119,8 @@ def search_best(problem: Problem, search: Search, best: Array) -> tuple[int, flo
             break
         iteration += 1
         state = draw_sample(problem.image, problem.board, smallest, state, work.chosen)
+        if problem.unknowns > POSE and _contradictory(problem.image, problem.board, work.chosen):
+            continue
         for s in range(hypotheses(problem, work.chosen, work.rows, work.solver)):
             row = work.rows[s]
             score = truncated_cost(row, problem, search.limit, cost)
@@ -109,9 +129,11 @@ def search_best(problem: Problem, search: Search, best: Array) -> tuple[int, flo
             best[:] = row
             cost = _local_optimum(score, problem, search.limit, best, work)
             inliers = count_within(best, problem, search.limit)
-            if inliers == len(problem.image) and 2 * inliers >= problem.unknowns + _MANY:
+            if inliers == n and 2 * inliers >= problem.unknowns + _MANY:
                 at_least = _FEW_SAMPLES
-            needed = samples_needed(inliers, len(problem.image), search.confidence)
+            needed = fruitless
+            if inliers >= search.fewest:
+                needed = samples_needed(inliers, n, search.confidence)
     return iteration, cost
 
 
@@ -198,13 +220,39 @@ def _among(index: int, chosen: Ints, count: int) -> bool:
 
 
 @jit
+def _contradictory(image: Array, board: Array, chosen: Ints) -> bool:
+    """
+    Return whether no camera sees these board points in this arrangement.
+
+    A plane's triangles are all seen clockwise as they are on the board, or all turned over. The
+    solver would find that too, but in many times the time.
+    """
+    same = turned = False
+    flat_image = _FLAT_SHARE * _largest_triangle(image, chosen)
+    flat_board = _FLAT_SHARE * _largest_triangle(board, chosen)
+    for left_out in range(4):
+        a = _triangle(image, chosen, left_out)
+        b = _triangle(board, chosen, left_out)
+        if abs(a) > flat_image and abs(b) > flat_board:
+            same = same or a * b > 0.0
+            turned = turned or a * b < 0.0
+    return same and turned
+
+
+@jit
 def _largest_triangle(points: Array, chosen: Ints) -> float:
     """Return twice the area of the largest of the four triangles of four points."""
     largest = 0.0
     for left_out in range(4):
-        a = points[chosen[(left_out + 1) % 4]]
-        b = points[chosen[(left_out + 2) % 4]]
-        c = points[chosen[(left_out + 3) % 4]]
-        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-        largest = max(largest, abs(area))
+        largest = max(largest, abs(_triangle(points, chosen, left_out)))
     return largest
+
+
+@jit
+def _triangle(points: Array, chosen: Ints, left_out: int) -> float:
+    """Return twice the signed area of the triangle of three of four points."""
+    a = points[chosen[(left_out + 1) % 4]]
+    b = points[chosen[(left_out + 2) % 4]]
+    c = points[chosen[(left_out + 3) % 4]]
+    area: float = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    return area

@@ -67,8 +67,10 @@ class EstimateOptions:
         Probability that at least one sample without an outlier was drawn when the search stops.
     min_iterations, max_iterations
         Limits of the number of samples.
-    min_inliers
-        Minimum number of inliers for boards with more than four points.
+    min_inliers, min_inlier_ratio
+        Minimum number of inliers of a board with more than four points, and their minimum share
+        of the points. More are required where as many may agree by chance. The search ends when
+        that many would have been found.
     min_fov_deg, max_fov_deg
         Limits of the camera's full field of view along the image diagonal.
     max_distortion
@@ -111,13 +113,19 @@ class EstimateOptions:
         10, 'Minimum number of samples of four points.', low=1, high=1_000_000
     )
     max_iterations: int = option(
-        5000, 'Maximum number of samples of four points.', low=1, high=1_000_000
+        100_000, 'Maximum number of samples of four points.', low=1, high=1_000_000
     )
     min_inliers: int = option(
         6,
         'Minimum number of inliers for boards with more than four points.',
         low=4,
         high=1_000_000,
+    )
+    min_inlier_ratio: float = option(
+        0.25,
+        'Minimum share of inliers among the points of a board with more than four points.',
+        low=0.0,
+        high=1.0,
     )
     min_fov_deg: float = option(
         5.0,
