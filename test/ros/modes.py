@@ -8,6 +8,7 @@ from typing import NamedTuple
 from p4pfr_ros import DivisionCamera, PoseEstimate
 from p4pfr_ros.ros.parameters.declare import replaced
 from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
+from p4pfr_ros.ros.pose.camera_check import CameraCheck
 from p4pfr_ros.ros.pose.camera_source import (
     CalibrationBySize,
     camera_to_publish,
@@ -54,13 +55,14 @@ class Modes:
         if camera_info is not None:
             assert inputs.use_camera_info(camera_info) is None
         self._source = CameraSource(self.calibrations, inputs)
+        self._check = CameraCheck()
 
     def process(self, observation, settings=SELF_CALIBRATE, on_pose=lambda _: None):
         """Process one observation as the pipeline does."""
         camera = self._source.camera_for(observation, settings)
         if isinstance(camera, Rejected):
             return camera
-        estimate = estimate_with(camera, observation, settings, on_pose)
+        estimate = estimate_with(camera, observation, settings, self._check, on_pose)
         mode = settings.intrinsics.mode
         in_use = camera_to_publish(camera, estimate, mode)
         notice = self.calibrations.finish_view() if mode == 'self_calibrate' else None

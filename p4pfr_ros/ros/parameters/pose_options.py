@@ -4,8 +4,8 @@
 """
 The parameters of pose_node and lifecycle_pose_node.
 
-``robust.*`` and ``calibration.*`` are the options of the core, with its names, defaults, ranges
-and descriptions.
+``robust.*`` and ``calibration.*`` are the options of the core, with its names, ranges, descriptions
+and, but for ``NODE_ESTIMATE``, its defaults.
 """
 
 from __future__ import annotations
@@ -26,6 +26,10 @@ SELF_CALIBRATE, PER_FRAME, FIXED, CAMERA_INFO = MODES = (
     'fixed',
     'camera_info',
 )
+
+# The defaults of ``robust.*`` that differ from the core's: a node prefers no pose to that of a
+# minority of the points, and its time is limited.
+NODE_ESTIMATE = EstimateOptions(min_inlier_ratio=0.5, max_iterations=5000)
 
 _MIN_FOCAL_PX = 1e-3
 
@@ -203,7 +207,7 @@ class PoseNodeOptions:
     marker: MarkerOptions = field(default_factory=MarkerOptions)
     detections: DetectionsOptions = field(default_factory=DetectionsOptions)
     image: ImageOptions = field(default_factory=ImageOptions)
-    robust: EstimateOptions = field(default_factory=EstimateOptions)
+    robust: EstimateOptions = NODE_ESTIMATE
 
     def __post_init__(self) -> None:
         # It is part of a file name, and camera_info_manager accepts no other characters.

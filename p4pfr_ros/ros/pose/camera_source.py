@@ -19,8 +19,11 @@ from p4pfr_ros import (
     SelfCalibration,
     Verdict,
 )
+from p4pfr_ros.core.model.observation import observe
+from p4pfr_ros.core.one_view.estimate_pose import estimate_with_known
 from p4pfr_ros.files.calibration import Calibration
 
+from .camera_check import CameraCheck
 from .inputs import BoardObservation, Inputs
 from ..parameters.pose_options import CAMERA_INFO, PER_FRAME, PoseNodeOptions, SELF_CALIBRATE
 from ..runtime.rejections import Notice, Rejected
@@ -83,21 +86,27 @@ def estimate_with(
     camera: SelfCalibration | KnownCamera | None,
     observation: BoardObservation,
     options: PoseNodeOptions,
+    check: CameraCheck,
     on_pose: Callable[[PoseEstimate], object],
 ) -> PoseEstimate:
     """
     Estimate the pose of a board, and update a SelfCalibration.
 
+    ``check`` withholds the poses of a given camera that does not fit the images.
+
     ``on_pose`` is called once with the estimate that is returned; while a SelfCalibration is
     CALIBRATED and the view agrees, that is before the update, which takes longer than the pose.
     """
     image_points, board_points = observation.image_points, observation.points.board_points
+    image_size = observation.frame.size
     if isinstance(camera, SelfCalibration):
         return camera.update(image_points, board_points, observation.stamp_ns, on_pose=on_pose)
     if camera is not None:
-        estimate = estimate_pose(image_points, board_points, camera=camera, options=options.robust)
+        observed = observe(image_points, board_points)
+        estimate, fit = estimate_with_known(observed, image_size, camera, options.robust)
+        board = observation.target.prefix
+        estimate = check.judged(camera, image_size, board, image_points, estimate, fit)
     else:
-        image_size = observation.frame.size
         estimate = estimate_pose(
             image_points,
             board_points,

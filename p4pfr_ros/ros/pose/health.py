@@ -13,7 +13,8 @@ import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from p4pfr_ros import CameraEstimate, CameraInfoModel, PoseEstimate
+import numpy as np
+from p4pfr_ros import CameraEstimate, CameraInfoModel, PoseEstimate, Status
 from rclpy.node import Node
 from std_msgs.msg import Header
 
@@ -39,6 +40,12 @@ _RESTART_HOLD_S = 10.0
 _NOTICE_HOLD_S = {'not_saved': 70.0, 'tf_parents': _HOLD_S}
 
 _NO_IMAGE_SIZE = 'no_image_size'
+
+# A calibration of another camera gives no pose, or wrong ones.
+_MISFIT = Status.MISFIT.name.lower()
+
+# An estimate with a smaller share of inliers is reported.
+_FEW_INLIERS = 0.8
 
 # An invalid camera_info is not an invalid message with points.
 _CAMERA_INFO = 'camera_info'
@@ -80,10 +87,12 @@ class HealthReporter:
         self._notices.add(notice)
         self._health.warned(time.monotonic(), notice)
 
-    def estimated(self, stamp_ns: int, estimate: PoseEstimate, received_s: float) -> None:
-        """Record a published estimate; one without a model is a rejection."""
+    def estimated(
+        self, stamp_ns: int, estimate: PoseEstimate, received_s: float, reason: str = ''
+    ) -> None:
+        """Record a published estimate; one without a model is a rejection, its status or reason."""
         if estimate.model is None:
-            self.reject(Rejected(estimate.status.name.lower(), estimate.status.value))
+            self.reject(Rejected(estimate.status.name.lower(), reason or estimate.status.value))
             return
         now_s = time.monotonic()
         age_s = 1e-9 * (self._node.get_clock().now().nanoseconds - stamp_ns)
@@ -191,7 +200,8 @@ class Health:
             self._was_skipped = False
             self._bad_in_a_row += 1
         # Without the image size no message can be processed.
-        level = Level.ERROR if rejected.cause == _NO_IMAGE_SIZE else Level.WARN
+        is_error = rejected.cause in (_NO_IMAGE_SIZE, _MISFIT)
+        level = Level.ERROR if is_error else Level.WARN
         text = f'rejected ({rejected.cause}): {rejected.reason}'
         self._hold(now_s, f'rejected.{rejected.cause}', level, text)
 
@@ -212,6 +222,13 @@ class Health:
         if estimate.alternatives:
             text = 'ambiguous: another pose fits the view equally well'
             self._hold(now_s, 'ambiguous', Level.WARN, text)
+        ratio = float(np.mean(estimate.inliers))
+        if ratio < _FEW_INLIERS:
+            text = f'inlier ratio {ratio:.2f}: wrong or moved points, or a bent board'
+            self._hold(now_s, 'few_inliers', Level.WARN, text)
+        if estimate.status is Status.SPENT:
+            text = 'search ended by robust.max_iterations: the pose may not be the best'
+            self._hold(now_s, 'search_ended', Level.WARN, text)
         undetermined = ', '.join(estimate.observable.undetermined)
         if undetermined:
             text = f'not observable: {undetermined}'

@@ -11,12 +11,13 @@ import time
 from typing import Any
 
 from geometry_msgs.msg import PolygonStamped
-from p4pfr_ros import PoseEstimate
+from p4pfr_ros import PoseEstimate, Status
 from p4pfr_ros.files.yaml_fields import ConfigError
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, PointCloud2
 
 from .calibration_keeper import CalibrationKeeper, CameraInfoSetter
+from .camera_check import CameraCheck
 from .camera_source import camera_to_publish, CameraSource, estimate_with
 from .health import HealthReporter, PERIOD_S
 from .inputs import BoardObservation, Inputs
@@ -62,6 +63,7 @@ class PosePipeline:
             self._keeper = CalibrationKeeper(logger, self._driver, options)
             config.guard(self._check_fixed_camera)
             self._cameras = CameraSource(self._keeper.calibrations, self._inputs)
+            self._check = CameraCheck()
             self._outputs = Outputs(node, self._lasting, self._inputs.prefixes)
             self._reporter = HealthReporter(node, self._lasting, options.camera_name)
             Services(node, self._lasting, self._keeper, self._outputs, self._reporter)
@@ -141,7 +143,7 @@ class PosePipeline:
             self._reporter.reject(camera)
             return
         publish = functools.partial(self._publish, observation, options, received_s)
-        estimate = estimate_with(camera, observation, options, on_pose=publish)
+        estimate = estimate_with(camera, observation, options, self._check, on_pose=publish)
         in_use = camera_to_publish(camera, estimate, options.intrinsics.mode)
         self._reporter.camera_published(self._outputs.publish_camera(observation, in_use, options))
         if options.intrinsics.mode == SELF_CALIBRATE:
@@ -159,7 +161,8 @@ class PosePipeline:
         estimate: PoseEstimate,
     ) -> None:
         self._outputs.publish_pose(observation, estimate, options)
-        self._reporter.estimated(observation.stamp_ns, estimate, received_s)
+        reason = self._check.reason if estimate.status is Status.MISFIT else ''
+        self._reporter.estimated(observation.stamp_ns, estimate, received_s, reason)
 
     def _warn(self, notice: Notice | None) -> None:
         if notice is not None:

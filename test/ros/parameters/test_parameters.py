@@ -162,14 +162,17 @@ def _flat(tree, prefix):
 
 
 def test_robust_parameters_are_the_options_of_estimate_pose():
-    """``robust.*`` has its names, defaults, ranges and descriptions; 0.0 stands for None."""
-    assert PoseNodeOptions().robust == EstimateOptions()
+    """``robust.*`` has its names, ranges, descriptions and most defaults; 0.0 stands for None."""
+    ours = {'min_inlier_ratio': 0.5, 'max_iterations': 5000}
+    assert PoseNodeOptions().robust == EstimateOptions(**ours)
     changed = replaced(PoseNodeOptions(), {'robust.threshold_px': 5.0, 'robust.seed': 9})
-    assert changed.robust == EstimateOptions(threshold_px=5.0, seed=9)
+    assert changed.robust == EstimateOptions(threshold_px=5.0, seed=9, **ours)
     given = {'robust.prior_focal_px': 500.0, 'robust.prior_focal_sigma_px': 5.0}
     prior = replaced(PoseNodeOptions(), given)
-    assert prior.robust == EstimateOptions(prior_focal_px=500.0, prior_focal_sigma_px=5.0)
-    assert replaced(prior, dict.fromkeys(given, 0.0)).robust == EstimateOptions()
+    assert prior.robust == EstimateOptions(
+        prior_focal_px=500.0, prior_focal_sigma_px=5.0, **ours
+    )
+    assert replaced(prior, dict.fromkeys(given, 0.0)).robust == EstimateOptions(**ours)
     with pytest.raises(ConfigError, match=r'^robust\.prior_focal_px'):
         replaced(PoseNodeOptions(), {'robust.prior_focal_px': 500.0})
     with pytest.raises(ConfigError, match=r'^robust\.'):
