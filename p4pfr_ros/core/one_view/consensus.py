@@ -38,11 +38,12 @@ def fewest_inliers(image: Array, threshold_px: float, max_area: float, at_least:
     """
     n = len(image)
     alpha = math.pi * threshold_px * threshold_px / _area(image, threshold_px, max_area)
-    log_expected = math.log(max(n - 4, 1))
-    for i in range(4):
-        log_expected += math.log((n - i) / (4.0 - i))
-    k = 4
-    while k < n and (k < at_least or log_expected > math.log(_MAX_EXPECTED)):
+    k = min(max(at_least, 4), n)
+    # The logarithm of the NFA, with m! = Γ(m + 1) and C(N, 4) C(N - 4, k - 4) in one.
+    log_expected = math.log(max(n - 4, 1)) + math.lgamma(n + 1.0) - math.log(24.0)
+    log_expected -= math.lgamma(k - 3.0) + math.lgamma(n - k + 1.0)
+    log_expected += (k - 4) * math.log(alpha)
+    while k < n and log_expected > math.log(_MAX_EXPECTED):
         log_expected += math.log(alpha * (n - k) / (k - 3.0))
         k += 1
     return k

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .ambiguity import another_focal_fits, MAX_OTHERS, other_optima
+from .camera_fit import stretch_of, stretched_equations
 from .consensus import fewest_inliers
 from .free_camera import Gates, Prior, prior_cost
 from .least_squares import (
@@ -31,12 +32,14 @@ from .least_squares import (
     minimise,
     normal_equations,
     plausible,
+    POSE,
     Problem,
     squared_errors,
     truncated_cost,
 )
 from .ransac import ransac_work, RansacWork
 from .results import (
+    CameraFit,
     EstimateOptions,
     mark_undetermined,
     no_estimate,
@@ -170,7 +173,7 @@ class ViewProblem:
         if not (observable.distortion and observable.focal):
             row[:] = start
             summary, observable = self._complete(row, observable, summary, search_others, arrays)
-        if summary.inliers < self.fewest_inliers:
+        if summary.inliers < n and summary.inliers < self.fewest_inliers:
             return no_estimate(Status.NO_CONSENSUS, n, iterations)
         if others is None:
             others = arrays.others[: summary.others]
@@ -183,6 +186,7 @@ class ViewProblem:
             covariance=mark_undetermined(arrays.covariance, observable),
             alternatives=tuple(self._solution(other) for other in others),
             observable=observable,
+            camera_fit=None if self.camera is None else CameraFit(*summary.stretch),
         )
 
     def _complete(
@@ -278,12 +282,17 @@ class Assessment(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """Number of inliers, their squared errors' sum, noise variance (px²), number of others."""
+    """
+    Number of inliers, their squared errors' sum, noise variance (px²), number of others.
+
+    stretch: of the board with a known camera, see `stretch_of`.
+    """
 
     inliers: int
     total: float
     variance: float
     others: int
+    stretch: tuple[float, float]
 
 
 def assessment(n: int) -> Assessment:
@@ -341,7 +350,7 @@ def assess(
     search_others: bool,
     steps: int,
     arrays: Assessment,
-) -> tuple[int, float, float, int]:
+) -> tuple[int, float, float, int, tuple[float, float]]:
     """
     Refine ``row`` in place, in at most ``steps``, and fill the arrays of its assessment.
 
@@ -349,7 +358,7 @@ def assess(
     ``Summary``.
     """
     work = ransac_work()
-    cost, count, total, variance, dof = _refined(
+    cost, count, total, variance, dof, stretch = _refined(
         row, problem, limit, sigma_px, board_scale, steps, arrays, work
     )
     others = 0
@@ -357,10 +366,10 @@ def assess(
         excess = largest_excess(variance, dof, MAX_RATIO)
         others = other_optima(problem, row, cost, limit, excess, arrays.others, arrays.costs, work)
         if _swap_with_better(row, cost, others, arrays, work):
-            _, count, total, variance, _ = _refined(
+            _, count, total, variance, _, stretch = _refined(
                 row, problem, limit, sigma_px, board_scale, steps, arrays, work
             )
-    return count, total, variance, others
+    return count, total, variance, others, stretch
 
 
 @jit
@@ -373,8 +382,10 @@ def _refined(
     steps: int,
     arrays: Assessment,
     work: RansacWork,
-) -> tuple[float, int, float, float, int]:
-    """Return cost, number of inliers and their sum, noise variance and its degrees of freedom."""
+) -> tuple[float, int, float, float, int, tuple[float, float]]:
+    """
+    Return cost, inliers, their sum, noise variance, its degrees of freedom, and the stretch.
+    """
     work.local[:] = row
     cost = minimise(work.local, problem, limit, steps, _TOLERANCE, work.refine)
     if plausible(work.local, problem):
@@ -385,13 +396,18 @@ def _refined(
     variance, dof = measured_noise(
         problem, prior_cost(row, problem.prior), (count, total), limit, sigma_px
     )
-    normal_equations(row, problem, limit, work.refine)
+    stretch = (0.0, math.inf)
+    if problem.unknowns == POSE:
+        stretched_equations(row, problem, limit, work.refine)
+        stretch = stretch_of((count, total), limit, sigma_px, work.refine)
+    else:
+        normal_equations(row, problem, limit, work.refine)
     widened = posterior_variance(variance, dof, limit)
     system = work.refine.system
     covariance_from(
         work.refine.normal, problem.unknowns, widened, row, board_scale, system, arrays.covariance
     )
-    return cost, count, total, variance, dof
+    return cost, count, total, variance, dof, stretch
 
 
 @jit

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .ambiguity import same_optimum
-from .camera_fit import CameraFit, compared, fit_of_camera, free_options, is_bad, UNKNOWN_FIT
+from .camera_fit import compared, free_options, is_bad
 from .describe import MAX_RATIO, refine_all, refine_wide, solve_four, ViewProblem
 from .free_camera import NO_PRIOR
 from .full_estimate import FullViewProblem
@@ -83,54 +83,24 @@ def estimate_pose(
     options = _checked_options(options)
     observation = observe(image_points, board_points)
     size = checked_image_size(image_size)
-    if camera is not None:
-        return estimate_with_known(observation, size, camera, options)[0]
-    if center_px is not None:
-        x, y = as_points(center_px, 'center_px', (2,)).tolist()
-        center_px = x, y
-    return estimate_observation(observation, size, center_px, None, options)
-
-
-def estimate_with_known(
-    observation: Observation,
-    image_size: tuple[float, float] | None,
-    camera: DivisionCamera | CameraInfoModel,
-    options: EstimateOptions,
-) -> tuple[PoseEstimate, CameraFit]:
-    """
-    Estimate the pose with a known camera, and judge whether that fits the view.
-
-    A camera that does not fit by this view alone is no estimate, with status MISFIT. image_size:
-    of a DivisionCamera, if it is known; a CameraInfoModel has its own.
-
-    Raises
-    ------
-    TypeError
-        camera is of another type.
-
-    """
     if isinstance(camera, CameraInfoModel):
-        image_size = camera.image_size
-        estimate, view = _estimate_by_model(observation, camera, options)
-    elif isinstance(camera, DivisionCamera):
-        view = ViewProblem(observation.centered(camera.center_px, image_size), camera, options)
-        estimate = estimate_observation(observation, image_size, None, camera, options)
-    else:
+        size = camera.image_size
+        estimate, camera = _estimate_by_model(observation, camera, options), _closest(camera)
+    elif camera is not None and not isinstance(camera, DivisionCamera):
         raise TypeError(
             f'camera must be a DivisionCamera or a CameraInfoModel, got {type(camera).__name__}'
         )
-    if view is None or view.camera is None or estimate.status is Status.COLLINEAR:
-        return estimate, UNKNOWN_FIT
-    fit = fit_of_camera(view, estimate)
-    if is_bad(fit, estimate):
-        center_px = view.camera.center_px if image_size is None else None
-        free = estimate_observation(
-            observation, image_size, center_px, None, free_options(options)
-        )
-        fit = compared(fit, estimate, free, view.camera, image_size)
-    if fit.misfit:
-        estimate = no_estimate(Status.MISFIT, len(observation), estimate.iterations)
-    return estimate, fit
+    else:
+        if camera is None and center_px is not None:
+            x, y = as_points(center_px, 'center_px', (2,)).tolist()
+            center_px = x, y
+        estimate = estimate_observation(observation, size, center_px, camera, options)
+    if camera is None or observation.collinear or not is_bad(estimate):
+        return estimate
+    # Does another camera explain the view?
+    center_px = camera.center_px if size is None else None
+    free = estimate_observation(observation, size, center_px, None, free_options(options))
+    return compared(estimate, free, camera, size)
 
 
 def estimate_observation(
@@ -179,7 +149,7 @@ def _checked_options(options: EstimateOptions | None) -> EstimateOptions:
 
 def _estimate_by_model(
     observation: Observation, model: CameraInfoModel, options: EstimateOptions
-) -> tuple[PoseEstimate, ViewProblem | None]:
+) -> PoseEstimate:
     """
     Estimate the pose with a camera in a CameraInfo model.
 
@@ -191,13 +161,12 @@ def _estimate_by_model(
     pixels = camera.project(model.unproject(observation.image_points))
     visible = ~np.isnan(pixels).any(axis=1)
     if np.count_nonzero(visible) < FEWEST_POINTS:
-        return no_estimate(Status.NO_SOLUTION, len(observation), 0), None
+        return no_estimate(Status.NO_SOLUTION, len(observation), 0)
     replaced = observe(pixels[visible], observation.board_points[visible])
     estimate = estimate_observation(replaced, model.image_size, None, camera, options)
     inliers = np.zeros(len(observation), dtype=bool)
     inliers[visible] = estimate.inliers
-    view = ViewProblem(replaced.centered(camera.center_px, model.image_size), camera, options)
-    return replace(estimate, inliers=inliers), view
+    return replace(estimate, inliers=inliers)
 
 
 @functools.lru_cache(maxsize=16)

@@ -37,6 +37,7 @@ from .full_model import (
 )
 from .least_squares import Problem
 from .results import (
+    CameraFit,
     EstimateOptions,
     mark_undetermined,
     MAX_FOCAL_SHARE,
@@ -137,7 +138,10 @@ class FullViewProblem(ViewProblem):
         summary = self._assess(row, problem, others is None, arrays, _FEW_STEPS)
         if others is None:
             others = arrays.others[: summary.others]
-        return self.estimate_from([row, *others], status, iterations)
+        estimate = self.estimate_from([row, *others], status, iterations)
+        if self.camera is None or estimate.model is None:
+            return estimate
+        return replace(estimate, camera_fit=CameraFit(*summary.stretch))
 
     def estimate_from(
         self, rows: Sequence[Array], status: Status, iterations: int

@@ -271,6 +271,24 @@ class Observability:
         return self.direction and self.distance
 
 
+@dataclass(frozen=True, slots=True)
+class CameraFit:
+    """
+    How a view fits the camera that it was estimated with.
+
+    stretch_chi2, stretch_sigma
+        Chi-square (two degrees of freedom) and standard deviation of the stretch that the board
+        would need; infinite without a pose.
+    evidence
+        Chi-square (one degree of freedom) by which a free camera contradicts the known one; 0 if
+        the view does not ask for another camera, or fits well enough not to be asked.
+    """
+
+    stretch_chi2: float
+    stretch_sigma: float
+    evidence: float = 0.0
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class PoseEstimate:
     """
@@ -292,6 +310,8 @@ class PoseEstimate:
         Other solutions that explain the view as well.
     observable
         The quantities that the view determines.
+    camera_fit
+        With a known camera: how well it fits the view.
     """
 
     model: Solution | None
@@ -302,6 +322,7 @@ class PoseEstimate:
     covariance: Array
     alternatives: tuple[Solution, ...]
     observable: Observability
+    camera_fit: CameraFit | None = None
 
     def __post_init__(self) -> None:
         self.inliers.flags.writeable = self.covariance.flags.writeable = False

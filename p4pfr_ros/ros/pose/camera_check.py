@@ -18,7 +18,7 @@ import numpy as np
 from p4pfr_ros import DivisionCamera, PoseEstimate, Status
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.core.one_view.camera_fit import CameraFit
+from p4pfr_ros.core.one_view.camera_fit import proves_camera
 from p4pfr_ros.core.one_view.results import no_estimate
 
 # Evidence is a chi-square of one degree of freedom. A view adds what exceeds the usual, up to half
@@ -64,7 +64,6 @@ class CameraCheck:
         board: str,
         image_points: Array,
         estimate: PoseEstimate,
-        fit: CameraFit,
     ) -> PoseEstimate:
         """
         Return the estimate of a view, or one of status MISFIT while the camera does not fit.
@@ -74,7 +73,7 @@ class CameraCheck:
         if camera != self._camera or image_size != self._image_size:
             self._start(camera, image_size)
         if self._has_moved(board, image_points):
-            self._count(fit)
+            self._count(estimate)
         if self.reason and estimate.model is not None:
             return no_estimate(Status.MISFIT, len(image_points), estimate.iterations)
         return estimate
@@ -105,14 +104,15 @@ class CameraCheck:
         self._boxes[board] = box
         return True
 
-    def _count(self, fit: CameraFit) -> None:
-        if fit.evidence > _USUAL:
+    def _count(self, estimate: PoseEstimate) -> None:
+        fit = estimate.camera_fit
+        if fit is not None and fit.evidence > _USUAL:
             self._evidence += min(fit.evidence - _USUAL, 0.5 * _LARGE)
             self._against += 1
             self._proofs = 0
         else:
             self._evidence = max(self._evidence - _DECAY, 0.0)
-            self._proofs += fit.proves
+            self._proofs += proves_camera(estimate)
         if self._evidence == 0.0:
             self._against = 0
         if self._evidence >= _LARGE and not self.reason:

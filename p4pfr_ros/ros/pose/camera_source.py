@@ -19,8 +19,6 @@ from p4pfr_ros import (
     SelfCalibration,
     Verdict,
 )
-from p4pfr_ros.core.model.observation import observe
-from p4pfr_ros.core.one_view.estimate_pose import estimate_with_known
 from p4pfr_ros.files.calibration import Calibration
 
 from .camera_check import CameraCheck
@@ -102,10 +100,15 @@ def estimate_with(
     if isinstance(camera, SelfCalibration):
         return camera.update(image_points, board_points, observation.stamp_ns, on_pose=on_pose)
     if camera is not None:
-        observed = observe(image_points, board_points)
-        estimate, fit = estimate_with_known(observed, image_size, camera, options.robust)
+        estimate = estimate_pose(
+            image_points,
+            board_points,
+            image_size=image_size,
+            camera=camera,
+            options=options.robust,
+        )
         board = observation.target.prefix
-        estimate = check.judged(camera, image_size, board, image_points, estimate, fit)
+        estimate = check.judged(camera, image_size, board, image_points, estimate)
     else:
         estimate = estimate_pose(
             image_points,
