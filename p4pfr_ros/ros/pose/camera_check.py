@@ -21,10 +21,12 @@ from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.core.one_view.camera_fit import proves_camera
 from p4pfr_ros.core.one_view.results import no_estimate
 
-# Evidence is a chi-square of one degree of freedom. A view adds what exceeds the usual, up to half
-# of what is large, so that it takes two views at least; a view without evidence subtracts a little.
+# Evidence is a chi-square of one degree of freedom. A view adds what exceeds the usual, up to a share
+# of what is large, so that it takes two views at least; of four points, where one that is off looks
+# like another camera, four views. A view without evidence subtracts a little.
 _USUAL = 4.0
 _LARGE = 25.0
+_SHARE, _SHARE_OF_FOUR = 0.5, 0.25
 _DECAY = 0.5
 
 # Number of views that prove a camera, since the last one with evidence against it.
@@ -107,7 +109,8 @@ class CameraCheck:
     def _count(self, estimate: PoseEstimate) -> None:
         fit = estimate.camera_fit
         if fit is not None and fit.evidence > _USUAL:
-            self._evidence += min(fit.evidence - _USUAL, 0.5 * _LARGE)
+            share = _SHARE if len(estimate.inliers) > 4 else _SHARE_OF_FOUR
+            self._evidence += min(fit.evidence - _USUAL, share * _LARGE)
             self._against += 1
             self._proofs = 0
         else:

@@ -3,6 +3,8 @@
 
 """Level and message on /diagnostics, with the clock of the test."""
 
+from dataclasses import replace
+
 from events import (
     AMBIGUOUS,
     BAD_FIELDS,
@@ -13,6 +15,8 @@ from events import (
     reject,
     UNDETERMINED,
 )
+import numpy as np
+from p4pfr_ros import Status
 from p4pfr_ros.ros.pose.health import Health, Level, STALE_AFTER_S
 from p4pfr_ros.ros.runtime.rejections import Notice, Rejected
 import pytest
@@ -184,3 +188,36 @@ def test_the_most_severe_reason_comes_first():
     first, second = message.split('; ')
     assert 'no_image_size' in first
     assert 'ambiguous' in second
+
+
+def test_few_inliers_are_a_warning_below_four_fifths():
+    """Points that are wrong, or have moved on the board."""
+    health = Health(0.0)
+    inliers = np.ones(30, dtype=bool)
+    inliers[:6] = False
+    estimate(health, 1.0, replace(GOOD, inliers=inliers.copy()))
+    assert level_and_message(health, 1.0) == ESTIMATING
+    inliers[:11] = False
+    estimate(health, 1.5, replace(GOOD, inliers=inliers))
+    level, message = level_and_message(health, 1.5)
+    assert level is Level.WARN
+    assert message.startswith('inlier ratio 0.63: ')
+    assert level_and_message(health, 4.0) == ESTIMATING
+
+
+def test_a_search_that_was_cut_short_is_a_warning():
+    health = Health(0.0)
+    estimate(health, 1.0, replace(GOOD, status=Status.SPENT))
+    level, message = level_and_message(health, 1.0)
+    assert level is Level.WARN
+    assert message.startswith('search ended by robust.max_iterations')
+
+
+def test_a_calibration_that_does_not_fit_is_an_error():
+    """At once: each pose would be wrong."""
+    health = Health(0.0)
+    estimate(health, 1.0)
+    reject(health, 1.1, Rejected('misfit', Status.MISFIT.value))
+    level, message = level_and_message(health, 1.1)
+    assert level is Level.ERROR
+    assert message == 'rejected (misfit): the calibration does not fit this image'
