@@ -10,13 +10,16 @@ import time
 
 import cv2
 import numpy as np
-from p4pfr_ros import estimate_pose, Pose
+from p4pfr_ros import estimate_pose, EstimateOptions, Pose
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import draw_view, SyntheticView
 
 # The calls to time, by name; each list is repeated in order.
 Calls = dict[str, list[Callable[[], object]]]
+
+# EstimateOptions.min_inlier_ratio is 0.25 by default.
+USUAL_OUTLIERS_PERCENT = 75
 
 _CALIBRATE_FLAGS = (
     cv2.CALIB_USE_INTRINSIC_GUESS
@@ -59,9 +62,16 @@ def _in_space(board: Array) -> Array:
     return np.column_stack([board, np.zeros(len(board))])
 
 
-def estimate(drawn: SyntheticView) -> None:
+def options_for(outlier_percent: int) -> EstimateOptions:
+    """Return the default options, or those for more outliers than the default allows."""
+    if outlier_percent <= USUAL_OUTLIERS_PERCENT:
+        return EstimateOptions()
+    return EstimateOptions(min_inlier_ratio=0.05)
+
+
+def estimate(drawn: SyntheticView, options: EstimateOptions) -> None:
     """Call ``estimate_pose`` with an unknown camera."""
-    estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
+    estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE, options=options)
 
 
 def estimate_known(drawn: SyntheticView) -> None:

@@ -10,13 +10,15 @@ import math
 import time
 
 import numpy as np
-from p4pfr_ros import estimate_pose, PoseEstimate, Solution
+from p4pfr_ros import estimate_pose, EstimateOptions, PoseEstimate, Solution
 from p4pfr_ros.core.geometry import Array, rotation_angle_rad, TRANSLATION
 from p4pfr_ros.core.minimal.solution import G, H, ROW_SIZE, solution_from_row
 from p4pfr_ros.core.one_view.free_camera import Gates
 from p4pfr_ros.core.one_view.least_squares import free_problem, least_squares_work, minimise
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import draw_view, SyntheticView
+
+from .opencv import options_for
 
 _ANY_CAMERA = Gates(800.0, 0.0, math.pi, math.inf)
 _STEPS = 200
@@ -66,7 +68,8 @@ def measure_cell(n_points: int, outlier_percent: int, scenes: int) -> Cell:
     views = [
         draw_view(rng, n_points, outlier_share=outlier_percent / 100.0) for _ in range(scenes)
     ]
-    timed = [_timed(v) for v in views]
+    options = options_for(outlier_percent)
+    timed = [_timed(v, options) for v in views]
     return Cell(
         n_points,
         outlier_percent,
@@ -77,11 +80,13 @@ def measure_cell(n_points: int, outlier_percent: int, scenes: int) -> Cell:
     )
 
 
-def _timed(drawn: SyntheticView) -> tuple[PoseEstimate, float]:
+def _timed(drawn: SyntheticView, options: EstimateOptions) -> tuple[PoseEstimate, float]:
     best_s = math.inf
     for _ in range(_REPEATS):
         start = time.perf_counter()
-        estimate = estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE)
+        estimate = estimate_pose(
+            drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE, options=options
+        )
         best_s = min(best_s, time.perf_counter() - start)
     return estimate, best_s
 

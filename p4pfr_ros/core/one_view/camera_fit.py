@@ -22,13 +22,13 @@ import math
 
 import numpy as np
 
-from .least_squares import LeastSquaresWork, linearise, Problem
+from .known_camera import add_stretched_points
+from .least_squares import LeastSquaresWork, Problem
 from .results import CameraFit, EstimateOptions, no_estimate, PoseEstimate, Status
 from ..cameras.division import DivisionCamera
 from ..geometry import Array
 from ..jit import jit
 from ..linalg import invert_information
-from ..model.normal_equations import add_point
 from ..model.uncertainty import DEFAULT_SIGMA_PX, noise_variance
 
 # Standard deviation of stretch and skew with the right camera: paper, pixels that are not quite
@@ -43,8 +43,8 @@ _FEW_INLIERS = 0.8
 _ENOUGH_DOF = 4
 _SMALLEST_SIGMA_PX = 0.1
 
-# A free camera is another one if the logarithm of its focal length differs by more than this, or its
-# centre by that share of the image's diagonal. A view alone shows it with this evidence: 5 sigma.
+# A free camera is another one if the logarithm of its focal length differs by more than this, or
+# its centre by that share of the image's diagonal. A view alone shows it at 5 sigma, squared here.
 _OTHER_FOCAL = 0.3
 _OTHER_CENTER = 0.1
 _LARGE_EVIDENCE = 25.0
@@ -56,7 +56,7 @@ _TELLING_TILT_DEG = 20.0
 
 
 def is_bad(estimate: PoseEstimate) -> bool:
-    """Return whether a view that was estimated with a known camera needs a free one to judge it."""
+    """Return whether a view with a known camera needs a fit with a free one to judge it."""
     fit = estimate.camera_fit
     return fit is None or fit.stretch_chi2 > _LARGE_CHI2 or not _has_most_inliers(estimate)
 
@@ -122,20 +122,15 @@ def compared(
 
 
 @jit
-def stretched_equations(row: Array, problem: Problem, limit: float, work: LeastSquaresWork) -> None:
-    """Write JᵀJ and -Jᵀr as ``normal_equations`` does, with stretch and skew in columns 6 and 7."""
-    normal, jacobian = work.normal, work.jacobian
+def stretched_equations(
+    row: Array, problem: Problem, limit: float, work: LeastSquaresWork
+) -> None:
+    """Write JᵀJ and -Jᵀr as ``normal_equations`` does; columns 6 and 7 are stretch and skew."""
+    normal = work.normal
     normal[:, :] = 0.0
-    for i in range(len(problem.image)):
-        linearise(row, problem, i, jacobian)
-        x, y = problem.board[i, 0], problem.board[i, 1]
-        for j in range(2):
-            # The derivatives by the translation are those by the point P, whatever moves it.
-            by_x, by_y, by_z = jacobian[j, 3], jacobian[j, 4], jacobian[j, 5]
-            along_x = by_x * row[0] + by_y * row[3] + by_z * row[6]
-            along_y = by_x * row[1] + by_y * row[4] + by_z * row[7]
-            jacobian[j, 6], jacobian[j, 7] = along_x * x - along_y * y, along_x * y + along_y * x
-        add_point(jacobian, limit, 8, normal)
+    add_stretched_points(
+        row, problem.board, problem.rays, problem.across, limit, work.jacobian, normal
+    )
     for a in range(8):
         for b in range(a):
             normal[a, b] = normal[b, a]

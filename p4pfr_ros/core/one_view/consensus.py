@@ -60,4 +60,5 @@ def _area(image: Array, threshold_px: float, max_area: float) -> float:
         low_y = min(low_y, image[i, 1])
         high_y = max(high_y, image[i, 1])
     smallest = 4.0 * threshold_px * threshold_px
-    return max(min((high_x - low_x) * (high_y - low_y), max_area), smallest)
+    area: float = max(min((high_x - low_x) * (high_y - low_y), max_area), smallest)
+    return area

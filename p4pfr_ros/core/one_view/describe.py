@@ -383,9 +383,7 @@ def _refined(
     arrays: Assessment,
     work: RansacWork,
 ) -> tuple[float, int, float, float, int, tuple[float, float]]:
-    """
-    Return cost, inliers, their sum, noise variance, its degrees of freedom, and the stretch.
-    """
+    """Return cost, number of inliers, their sum, noise variance, its dof, and the stretch."""
     work.local[:] = row
     cost = minimise(work.local, problem, limit, steps, _TOLERANCE, work.refine)
     if plausible(work.local, problem):

@@ -67,8 +67,9 @@ def estimate_pose(
         Principal point and distortion centre; by default the middle of the image.
     camera
         The camera if it is known: only the pose is estimated, and image_size and center_px are
-        not needed. With a CameraInfoModel, ``model.camera`` of the result is the division camera
-        closest to it.
+        not needed; with image_size a wrong centre is noticed, too. If the view shows that the
+        camera does not fit, there is no estimate, with status MISFIT. With a CameraInfoModel,
+        ``model.camera`` of the result is the division camera closest to it.
     options
         Options of the search.
 

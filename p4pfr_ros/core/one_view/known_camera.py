@@ -187,6 +187,29 @@ def add_points(
     return count
 
 
+@kernel
+def add_stretched_points(
+    row: Array,
+    board: Array,
+    rays: Array,
+    across: Array,
+    limit: float,
+    jacobian: Array,
+    normal: Array,
+) -> None:
+    """Add the points as ``add_points`` does; columns 6 and 7 are the board's stretch and skew."""
+    for i in range(len(board)):
+        linearise(row, board, rays, across, i, jacobian)
+        x, y = board[i, 0], board[i, 1]
+        for j in range(2):
+            # The derivatives by the translation are those by the point P, whatever moves it.
+            by_x, by_y, by_z = jacobian[j, 3], jacobian[j, 4], jacobian[j, 5]
+            along_x = by_x * row[0] + by_y * row[3] + by_z * row[6]
+            along_y = by_x * row[1] + by_y * row[4] + by_z * row[7]
+            jacobian[j, 6], jacobian[j, 7] = along_x * x - along_y * y, along_x * y + along_y * x
+        add_point(jacobian, limit, 8, normal)
+
+
 def weak_perspective_rows(rays: Array, board: Array) -> Array:
     """
     Return the two poses by weak perspective as rows (2, ROW_SIZE), mirror images of each other.

@@ -4,8 +4,8 @@
 """
 The parameters of pose_node and lifecycle_pose_node.
 
-``robust.*`` and ``calibration.*`` are the options of the core, with its names, ranges, descriptions
-and, but for ``NODE_ESTIMATE``, its defaults.
+``robust.*`` and ``calibration.*`` are the options of the core, with its names, ranges and
+descriptions, and its defaults except those of ``NODE_ESTIMATE``.
 """
 
 from __future__ import annotations

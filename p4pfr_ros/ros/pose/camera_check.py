@@ -21,9 +21,9 @@ from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.core.one_view.camera_fit import proves_camera
 from p4pfr_ros.core.one_view.results import no_estimate
 
-# Evidence is a chi-square of one degree of freedom. A view adds what exceeds the usual, up to a share
-# of what is large, so that it takes two views at least; of four points, where one that is off looks
-# like another camera, four views. A view without evidence subtracts a little.
+# Evidence is a chi-square of one degree of freedom. A view adds what exceeds the usual, up to a
+# share of what is large, so that it takes two views at least; four if they have four points, of
+# which one that is off looks like another camera. A view without evidence subtracts a little.
 _USUAL = 4.0
 _LARGE = 25.0
 _SHARE, _SHARE_OF_FOUR = 0.5, 0.25
@@ -32,7 +32,7 @@ _DECAY = 0.5
 # Number of views that prove a camera, since the last one with evidence against it.
 _PROOFS = 3
 
-# A view whose points have hardly moved, by this share of the image's diagonal, repeats the last one.
+# A view whose points have moved by less than this share of the image's diagonal repeats the last.
 _MOVED = 0.02
 
 # The principal point of a camera is in the central half of its image. That of an image of half the

@@ -90,7 +90,7 @@ class HealthReporter:
     def estimated(
         self, stamp_ns: int, estimate: PoseEstimate, received_s: float, reason: str = ''
     ) -> None:
-        """Record a published estimate; one without a model is a rejection, its status or reason."""
+        """Record an estimate; one without a model is a rejection, by its status or ``reason``."""
         if estimate.model is None:
             self.reject(Rejected(estimate.status.name.lower(), reason or estimate.status.value))
             return

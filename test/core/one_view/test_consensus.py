@@ -47,7 +47,9 @@ def test_the_smallest_consensus_is_not_expected_by_chance(n, width, height, thre
 def test_points_far_outside_do_not_enlarge_the_area():
     inside, outside = rectangle(40, 1280.0, 960.0), rectangle(40, 1280.0, 960.0)
     outside[1] = 1e6, 1e6
-    assert fewest_inliers(inside, 2.0, IMAGE_AREA, 4) == fewest_inliers(outside, 2.0, IMAGE_AREA, 4)
+    assert fewest_inliers(inside, 2.0, IMAGE_AREA, 4) == fewest_inliers(
+        outside, 2.0, IMAGE_AREA, 4
+    )
 
 
 def test_points_that_coincide_are_accepted_only_together():
@@ -106,9 +108,7 @@ def test_a_consensus_by_chance_is_no_estimate(kind, known, wrong, sample):
     for seed in seeds:
         drawn, image, outlier = view_with_outliers(seed, kind, wrong)
         camera = drawn.camera if known else None
-        estimate = estimate_pose(
-            image, drawn.board_points, image_size=IMAGE_SIZE, camera=camera
-        )
+        estimate = estimate_pose(image, drawn.board_points, image_size=IMAGE_SIZE, camera=camera)
         if estimate.model is not None:
             true_inliers = int(np.sum(estimate.inliers & ~outlier))
             assert true_inliers >= 0.5 * (54 - wrong), seed
@@ -122,9 +122,7 @@ def test_a_board_of_outliers_alone_is_no_estimate(kind, sample):
     for seed in range(sample(100, 1)):
         drawn, image, _ = view_with_outliers(seed, kind, 54)
         options = EstimateOptions(min_inlier_ratio=0.0, max_iterations=sample(5000, 40))
-        estimate = estimate_pose(
-            image, drawn.board_points, image_size=IMAGE_SIZE, options=options
-        )
+        estimate = estimate_pose(image, drawn.board_points, image_size=IMAGE_SIZE, options=options)
         assert estimate.status in (Status.NO_CONSENSUS, Status.NO_SOLUTION)
         assert estimate.model is None
 

@@ -169,9 +169,7 @@ def test_robust_parameters_are_the_options_of_estimate_pose():
     assert changed.robust == EstimateOptions(threshold_px=5.0, seed=9, **ours)
     given = {'robust.prior_focal_px': 500.0, 'robust.prior_focal_sigma_px': 5.0}
     prior = replaced(PoseNodeOptions(), given)
-    assert prior.robust == EstimateOptions(
-        prior_focal_px=500.0, prior_focal_sigma_px=5.0, **ours
-    )
+    assert prior.robust == EstimateOptions(prior_focal_px=500.0, prior_focal_sigma_px=5.0, **ours)
     assert replaced(prior, dict.fromkeys(given, 0.0)).robust == EstimateOptions(**ours)
     with pytest.raises(ConfigError, match=r'^robust\.prior_focal_px'):
         replaced(PoseNodeOptions(), {'robust.prior_focal_px': 500.0})

@@ -5,6 +5,7 @@
 
 import time
 
+from in_process import publish
 import moving
 import numpy as np
 from p4pfr_ros import CameraInfoModel, DivisionCamera, estimate_pose, Status
@@ -13,7 +14,6 @@ from p4pfr_ros.ros.pose.health import Level
 from p4pfr_ros.ros.pose.outputs import Outputs
 from p4pfr_ros.ros.pose_node import PoseNode
 import pytest
-from in_process import publish
 from rclpy.parameter import Parameter
 import scenes
 from sensor_msgs.msg import CameraInfo
@@ -60,9 +60,7 @@ def test_a_right_camera_is_never_doubted():
 
 @pytest.mark.parametrize('focal', [0.25, 0.5, 2.0, 4.0])
 def test_three_tilted_boards_decide_that_a_focal_length_does_not_fit(focal):
-    tilted = [
-        v for v in moving.views(0, 60, TRUE) if 25.0 < v.camera_from_board.tilt_deg < 60.0
-    ]
+    tilted = [v for v in moving.views(0, 60, TRUE) if 25.0 < v.camera_from_board.tilt_deg < 60.0]
     views = Views(scaled(focal, 1.0))
     views.judge_all(tilted[:3])
     assert views.check.reason.startswith(SENTENCE)
@@ -89,9 +87,11 @@ def test_a_board_that_does_not_move_is_one_view():
     views = Views(scaled(0.5, 1.0), chosen=[0, 8, 53, 45])
     view = max(
         moving.views(0, 40, TRUE),
-        key=lambda v: Views(scaled(0.5, 1.0), chosen=[0, 8, 53, 45])
-        .judge(v.image_points)
-        .camera_fit.evidence,
+        key=lambda v: (
+            Views(scaled(0.5, 1.0), chosen=[0, 8, 53, 45])
+            .judge(v.image_points)
+            .camera_fit.evidence
+        ),
     )
     rng = np.random.default_rng(0)
     for _ in range(50):
@@ -186,9 +186,7 @@ def status(node):
 def test_a_camera_info_of_another_binning_gives_no_pose_and_an_error(make, camera):
     node, published = make(intrinsics__mode='camera_info')
     publish(node, 'camera_info', camera_info(camera))
-    tilted = [
-        v for v in moving.views(0, 60, TRUE) if 25.0 < v.camera_from_board.tilt_deg < 60.0
-    ]
+    tilted = [v for v in moving.views(0, 60, TRUE) if 25.0 < v.camera_from_board.tilt_deg < 60.0]
     for view in tilted[:10]:
         publish(node, 'correspondences', view.cloud)
     assert len(published) == 10
@@ -208,7 +206,10 @@ def test_a_camera_info_of_another_binning_gives_no_pose_and_an_error(make, camer
 
 def test_a_fixed_camera_that_does_not_fit_gives_no_pose_and_an_error(make):
     node, published = make(
-        intrinsics__mode='fixed', intrinsics__focal_px=260.0, image__width_px=640, image__height_px=480
+        intrinsics__mode='fixed',
+        intrinsics__focal_px=260.0,
+        image__width_px=640,
+        image__height_px=480,
     )
     for view in moving.views(0, 40, TRUE):
         publish(node, 'correspondences', view.cloud)
