@@ -22,6 +22,8 @@ NODES = {
     'detector_node': DetectorNodeOptions(),
     'camera_simulator': CameraSimulatorOptions(),
 }
+# The defaults of robust.* that differ from the core's.
+NODE_DEFAULTS = {'min_inlier_ratio': 0.5, 'max_iterations': 5000}
 
 
 @dataclass(frozen=True)
@@ -163,14 +165,15 @@ def _flat(tree, prefix):
 
 def test_robust_parameters_are_the_options_of_estimate_pose():
     """``robust.*`` has its names, ranges, descriptions and most defaults; 0.0 stands for None."""
-    ours = {'min_inlier_ratio': 0.5, 'max_iterations': 5000}
-    assert PoseNodeOptions().robust == EstimateOptions(**ours)
+    assert PoseNodeOptions().robust == EstimateOptions(**NODE_DEFAULTS)
     changed = replaced(PoseNodeOptions(), {'robust.threshold_px': 5.0, 'robust.seed': 9})
-    assert changed.robust == EstimateOptions(threshold_px=5.0, seed=9, **ours)
+    assert changed.robust == EstimateOptions(threshold_px=5.0, seed=9, **NODE_DEFAULTS)
     given = {'robust.prior_focal_px': 500.0, 'robust.prior_focal_sigma_px': 5.0}
     prior = replaced(PoseNodeOptions(), given)
-    assert prior.robust == EstimateOptions(prior_focal_px=500.0, prior_focal_sigma_px=5.0, **ours)
-    assert replaced(prior, dict.fromkeys(given, 0.0)).robust == EstimateOptions(**ours)
+    assert prior.robust == EstimateOptions(
+        prior_focal_px=500.0, prior_focal_sigma_px=5.0, **NODE_DEFAULTS
+    )
+    assert replaced(prior, dict.fromkeys(given, 0.0)).robust == EstimateOptions(**NODE_DEFAULTS)
     with pytest.raises(ConfigError, match=r'^robust\.prior_focal_px'):
         replaced(PoseNodeOptions(), {'robust.prior_focal_px': 500.0})
     with pytest.raises(ConfigError, match=r'^robust\.'):
@@ -194,7 +197,10 @@ def test_specs_of_core_options_come_from_the_core(group):
     for core in fields(options):
         value, spec = specs[f'{group}.{core.name}']
         option = core.metadata['option']
-        if core.default is None:
+        if group == 'robust' and core.name in NODE_DEFAULTS:
+            assert value == NODE_DEFAULTS[core.name] != core.default
+            assert (spec.low, spec.high) == (option.low, option.high)
+        elif core.default is None:
             assert (value, spec.low, spec.high) == (0.0, 0.0, option.high)
             assert spec.description == f'{option.description} 0: not given.'
         else:
@@ -210,9 +216,9 @@ def test_a_change_to_an_option_that_is_not_given_is_validated(node):
     assert not result.successful
     assert result.reason.startswith('robust.sigma_px must be ')
     assert _change(node, robust__sigma_px=0.5).successful
-    assert parameters.options.robust == EstimateOptions(sigma_px=0.5)
+    assert parameters.options.robust == EstimateOptions(sigma_px=0.5, **NODE_DEFAULTS)
     assert _change(node, robust__sigma_px=0.0).successful
-    assert parameters.options.robust == EstimateOptions()
+    assert parameters.options.robust == EstimateOptions(**NODE_DEFAULTS)
 
 
 def test_a_guard_rejects_changes_until_it_is_removed(node):

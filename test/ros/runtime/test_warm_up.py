@@ -10,10 +10,10 @@ import sys
 SCRIPT = """
 import sys
 import moving
-from p4pfr_ros import estimate_pose
+from p4pfr_ros import DivisionCamera, estimate_pose
 from p4pfr_ros.core import jit
 from p4pfr_ros.ros.runtime.warm_up import warm_up
-from modes import FREEZE, Modes, options
+from modes import fixed, FREEZE, Modes, options
 
 
 def compiled():
@@ -32,6 +32,10 @@ modes.process_all(moving.views(0, 60))
 modes.process_all(moving.views(60, 120, moving.ZOOMED))
 modes.process_all(moving.views(0, 120), options('per_frame'))
 modes.process_all(moving.views(0, 20), FREEZE)
+for focal_px in (260.0, 1040.0):
+    wrong = fixed(DivisionCamera(focal_px, (319.5, 239.5)))
+    modes.process_all(moving.views(0, 60), wrong)
+    assert modes.process(moving.views(60, 61)[0].observation, wrong).estimate.model is None
 corners = [0, 8, 53, 45]
 for view in moving.views(0, 60):
     points = moving.BOARD.points[corners]
