@@ -113,7 +113,7 @@ def _times() -> dict[str, float]:
             for v in views_of(n, percent, _TIMED_VIEWS)
         ]
     usual['opencv'] = [functools.partial(calibrate, v) for v in views_of(24, 0, _TIMED_VIEWS)]
-    times = {}
+    times: dict[str, float] = {}
     for calls in (usual, long):  # a long call would empty the caches for the next one
         median_ms(calls, 1)  # compile and warm up
         times |= median_ms(calls, _TIMED_ROUNDS)
