@@ -65,6 +65,8 @@ def add_estimate_option(
 ) -> None:
     """Add an option for a field of `EstimateOptions`, with its default, range and description."""
     default, option = getattr(_DEFAULTS, name), option_of(EstimateOptions, name)
+    assert option.low is not None
+    assert option.high is not None
     parser.add_argument(
         flag,
         type=partial(
@@ -74,6 +76,11 @@ def add_estimate_option(
         metavar=metavar,
         help=description_of(name) + ('' if default is None else ' (default: %(default)s)'),
     )
+
+
+def add_estimate_switch(parser: argparse.ArgumentParser, flag: str, name: str) -> None:
+    """Add a flag that turns on a field of `EstimateOptions`, with its description."""
+    parser.add_argument(flag, action='store_true', help=description_of(name))
 
 
 def description_of(name: str) -> str:

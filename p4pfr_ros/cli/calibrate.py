@@ -16,7 +16,13 @@ import sys
 from typing import Any
 
 from p4pfr_ros import CalibrationState, CameraEstimate, EstimateOptions, Verdict
-from p4pfr_ros.cli.arguments import add_estimate_option, count, find_images, require
+from p4pfr_ros.cli.arguments import (
+    add_estimate_option,
+    add_estimate_switch,
+    count,
+    find_images,
+    require,
+)
 from p4pfr_ros.cli.terminal import print_table, with_progress
 from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.calibration import Calibration, save_calibration
@@ -94,12 +100,15 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add('--force', action='store_true', help='write the camera even if it is not calibrated')
     add_estimate_option(parser, '--threshold', 'threshold_px', 'PX')
     add_estimate_option(parser, '--seed', 'seed', 'N')
+    add_estimate_switch(parser, '--two-sided', 'two_sided')
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Calibrate; return 1 if no calibration was written."""
     _check(arguments)
-    options = EstimateOptions(threshold_px=arguments.threshold, seed=arguments.seed)
+    options = EstimateOptions(
+        threshold_px=arguments.threshold, seed=arguments.seed, two_sided=arguments.two_sided
+    )
     calibration_run = CalibrationRun(load_board(arguments.board), options)
     with _source(arguments) as source:
         for named in with_progress(source.images, source.count, prints=arguments.json):

@@ -13,10 +13,18 @@ from pathlib import Path
 import sys
 from typing import Any
 
-from p4pfr_ros import estimate_pose, EstimateOptions, Observability, PoseEstimate, Solution
+from p4pfr_ros import (
+    estimate_pose,
+    EstimateOptions,
+    Observability,
+    PoseEstimate,
+    Solution,
+    Status,
+)
 from p4pfr_ros.boards import Board
 from p4pfr_ros.cli.arguments import (
     add_estimate_option,
+    add_estimate_switch,
     description_of,
     find_images,
     finite,
@@ -37,8 +45,9 @@ With --json, each line is a JSON object for one image. Lengths are in metres,
 angles in degrees; the pose is camera_from_board; sigma holds standard
 deviations. Quantities that the view does not determine are null and listed in
 not_observable. If several solutions fit the view equally well, candidates
-lists them all, the most likely first. An image without an estimate has the
-keys image and reason only.
+lists them all, the most likely first. status names how the estimation ended.
+An image without an estimate has the keys image and reason and, if the board
+was detected, status.
 """
 _HEADINGS = (
     'image',
@@ -57,10 +66,11 @@ _ALL = Observability(direction=True, distance=True, focal=True, distortion=True)
 
 @dataclass(frozen=True, slots=True)
 class FailedImage:
-    """An image without an estimate, and why."""
+    """An image without an estimate, and why; status: of the estimation, if there was one."""
 
     path: Path
     reason: str
+    status: Status | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,6 +107,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     add_estimate_option(parser, '--threshold', 'threshold_px', 'PX')
     add_estimate_option(parser, '--seed', 'seed', 'N')
+    add_estimate_switch(parser, '--two-sided', 'two_sided')
     _add_priors(parser)
 
 
@@ -155,6 +166,7 @@ def _options(arguments: argparse.Namespace) -> EstimateOptions:
             prior_focal_sigma_px=focal_sigma_px,
             prior_k=k,
             prior_k_sigma=k_sigma,
+            two_sided=arguments.two_sided,
         )
     except ValueError as error:  # a standard deviation out of range, for example
         raise ConfigError(str(error)) from None
@@ -213,7 +225,7 @@ def _estimate(
         options=options,
     )
     if estimate.model is None:
-        return FailedImage(path, estimate.status.value)
+        return FailedImage(path, estimate.status.value, estimate.status)
     if draw_folder:
         drawing = annotate(image, detection, estimate.model, board)
         write_image(draw_folder / f'{path.stem}_pose.png', drawing)
@@ -224,6 +236,8 @@ def _print_json(result: ImageEstimate | FailedImage) -> None:
     """Print one line: a JSON object without NaN."""
     if isinstance(result, FailedImage):
         line: dict[str, Any] = {'image': str(result.path), 'reason': result.reason}
+        if result.status is not None:
+            line['status'] = result.status.name.lower()
     else:
         line = _as_json(result)
     print(json.dumps(line, allow_nan=False), flush=True)
@@ -235,6 +249,7 @@ def _as_json(result: ImageEstimate) -> dict[str, Any]:
     return {
         'image': str(result.path),
         'image_size': list(result.image_size),
+        'status': estimate.status.name.lower(),
         **_solution_as_json(result.model, observable),
         'sigma': {
             'distance_m': estimate.distance_sigma if observable.distance else None,

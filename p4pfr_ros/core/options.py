@@ -21,17 +21,22 @@ class Option:
     description
         One or two sentences.
     low, high
-        The range of its values, both ends included.
+        The range of its values, both ends included; None for a switch.
     """
 
     description: str
-    low: float
-    high: float
+    low: float | None = None
+    high: float | None = None
 
 
 def option(default: Any, description: str, *, low: float, high: float) -> Any:
     """Make a field of an options dataclass; with a default of None it is optional."""
     return dataclasses.field(default=default, metadata={'option': Option(description, low, high)})
+
+
+def switch(default: bool, description: str) -> Any:
+    """Make a field of an options dataclass that is True or False."""
+    return dataclasses.field(default=default, metadata={'option': Option(description)})
 
 
 def option_of(options: Any, name: str) -> Option:
@@ -53,8 +58,11 @@ def check_ranges(options: Any) -> None:
     """
     for field in dataclasses.fields(options):
         value, limits = getattr(options, field.name), field.metadata['option']
+        if isinstance(field.default, bool):
+            if not isinstance(value, bool):
+                raise ValueError(f'{field.name} must be True or False, got {value!r}')
         # Written so that NaN is out of range.
-        if value is not None and not limits.low <= value <= limits.high:
+        elif value is not None and not limits.low <= value <= limits.high:
             raise ValueError(
                 f'{field.name} must be from {limits.low:g} to {limits.high:g}, got {value}'
             )

@@ -51,12 +51,14 @@ def draw_view(
     outlier_share: float = 0.0,
     tilt_deg: tuple[float, float] = (15.0, 65.0),
 ) -> SyntheticView:
-    """Draw a view of n board points, uniform in a unit square that is inside the image."""
+    """Draw a view of n board points, uniform in a unit square whose front is in the image."""
     kind = InstanceKind(unit_squares, place_anywhere, tilt_deg)
     while True:
         corners = select_visible(draw_batch(rng, 64, kind))
         extent_px = np.ptp(corners.image_points, axis=1).max(axis=1)
-        large = np.flatnonzero(extent_px > _MIN_EXTENT_PX)
+        # At the rim of the image even a board that is tilted by 65° may show its back.
+        front = np.einsum('nj,nj->n', corners.rotation[:, :, 2], corners.translation) < 0.0
+        large = np.flatnonzero(front & (extent_px > _MIN_EXTENT_PX))
         if large.size:
             return _noisy_view(rng, corners, int(large[0]), n_points, noise_px, outlier_share)
 

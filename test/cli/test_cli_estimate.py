@@ -3,10 +3,11 @@
 
 """``p4pfr estimate`` on rendered images."""
 
+from dataclasses import replace
 import json
 
 import numpy as np
-from p4pfr_ros import EstimateOptions, Pose
+from p4pfr_ros import detect, EstimateOptions, Pose
 from p4pfr_ros.cli import main
 from p4pfr_ros.files.images import read_image
 import pytest
@@ -187,3 +188,22 @@ def test_options_have_the_defaults_and_descriptions_of_the_api(capsys):
 def test_center_is_used(scenes, capsys):
     assert estimate(scenes / 'a.png', '--json', '--center', 310, 245) == 0
     assert json.loads(capsys.readouterr().out)['center_px'] == [310.0, 245.0]
+
+
+def test_a_mirrored_order_is_reported_unless_the_board_is_two_sided(scenes, capsys, monkeypatch):
+    def mirrored(image, board):
+        detection = detect(image, board)
+        return replace(detection, board_points=detection.board_points * [-1.0, 1.0])
+
+    monkeypatch.setattr('p4pfr_ros.cli.estimate.detect', mirrored)
+    path = str(scenes / 'a.png')
+    reason = 'the board would be seen from behind: is the corner order right?'
+    assert estimate(path) == 1
+    assert capsys.readouterr().err == f'p4pfr: {path}: {reason}\n'
+    assert estimate(path, '--json') == 1
+    line = json.loads(capsys.readouterr().out)
+    assert line == {'image': path, 'reason': reason, 'status': 'seen_from_behind'}
+    assert estimate(path, '--json', '--two-sided') == 0
+    line = json.loads(capsys.readouterr().out)
+    assert line['status'] == 'confident'
+    assert line['tilt_deg'] > 90.0

@@ -18,7 +18,12 @@ FIELDS = [
     for field in dataclasses.fields(kind)
 ]
 over_kinds = pytest.mark.parametrize('kind', [EstimateOptions, CalibrationOptions])
+SWITCHES = [(kind, name) for kind, name in FIELDS if isinstance(getattr(kind(), name), bool)]
 over_fields = pytest.mark.parametrize(('kind', 'name'), FIELDS)
+over_numbers = pytest.mark.parametrize(
+    ('kind', 'name'), [field for field in FIELDS if field not in SWITCHES]
+)
+over_switches = pytest.mark.parametrize(('kind', 'name'), SWITCHES)
 # The fields for which None means that no value is given.
 OPTIONAL = {'sigma_px', 'prior_focal_px', 'prior_focal_sigma_px', 'prior_k_sigma'}
 
@@ -53,8 +58,17 @@ def test_the_error_names_the_first_field_out_of_its_range():
         check_ranges(Sample(0.0, 0.0))
 
 
-@over_fields
-def test_every_field_rejects_nan_and_values_beyond_its_range(kind, name):
+@over_switches
+@pytest.mark.parametrize('value', [0, 1, 0.0, np.nan, None, 'True', np.zeros(2)])
+def test_every_switch_is_true_or_false(kind, name, value):
+    assert getattr(kind(**{name: True}), name) is True
+    assert getattr(kind(**{name: False}), name) is False
+    with pytest.raises(ValueError, match=f'^{name} must be True or False, got '):
+        kind(**{name: value})
+
+
+@over_numbers
+def test_every_number_rejects_nan_and_values_beyond_its_range(kind, name):
     limits = option_of(kind, name)
     assert limits.low < limits.high
     for value in (np.nan, np.nextafter(limits.low, -np.inf), np.nextafter(limits.high, np.inf)):
@@ -62,7 +76,7 @@ def test_every_field_rejects_nan_and_values_beyond_its_range(kind, name):
             kind(**{name: value})
 
 
-@over_fields
+@over_numbers
 def test_every_default_is_in_its_range(kind, name):
     limits, default = option_of(kind, name), getattr(kind(), name)
     assert (default is None) == (name in OPTIONAL)

@@ -31,7 +31,13 @@ DETECTOR = {
 }
 SIMULATOR = {ROOT / 'p4pfr_ros' / 'ros' / 'camera_simulator.py'}
 # The status of an estimate without a model.
-NO_MODEL = {Status.COLLINEAR, Status.NO_SOLUTION, Status.NO_CONSENSUS, Status.MISFIT}
+NO_MODEL = {
+    Status.COLLINEAR,
+    Status.NO_SOLUTION,
+    Status.NO_CONSENSUS,
+    Status.MISFIT,
+    Status.SEEN_FROM_BEHIND,
+}
 SOURCES = {
     'pose_node': ROS_SOURCES - DETECTOR - SIMULATOR,
     'detector_node': DETECTOR,

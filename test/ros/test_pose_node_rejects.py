@@ -27,6 +27,7 @@ BAD_POLYGONS = {
     'infinity': (np.full((4, 2), np.inf), 'not_finite'),
     'too large': (np.full((4, 2), 1e30), 'out_of_range'),
     'coincident': (np.full((4, 2), 100.0), 'no_solution'),
+    'mirrored': (scenes.project(scenes.ARUCO)[::-1], 'seen_from_behind'),
     'outside the image': (scenes.project(scenes.ARUCO) + 500.0, 'outside_image'),
 }
 
@@ -97,6 +98,14 @@ def test_collinear_points_are_rejected(client):
     line = np.column_stack([np.linspace(-0.1, 0.1, 8), np.zeros(8)])
     msg = cloud_msg(scenes.header(8), scenes.project(line), line, np.arange(8))
     _assert_rejected(client, client.cloud, msg, 'collinear')
+
+
+def test_a_mirrored_cloud_is_rejected(client):
+    """No pose of the back of a printed board is published."""
+    mirrored = scenes.GRID * [-1.0, 1.0]
+    ids = np.arange(len(mirrored))
+    msg = cloud_msg(scenes.header(8), scenes.project(scenes.GRID), mirrored, ids)
+    _assert_rejected(client, client.cloud, msg, 'seen_from_behind')
 
 
 def test_a_repeated_cause_is_logged_again_with_its_count(client):

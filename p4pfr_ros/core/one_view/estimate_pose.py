@@ -19,6 +19,7 @@ from .free_camera import NO_PRIOR
 from .full_estimate import FullViewProblem
 from .known_camera import weak_perspective_rows
 from .least_squares import known_problem, plausible, POSE, Problem, truncated_cost
+from .point_order import is_mirrored, shows_back
 from .ransac import Search, search_best
 from .results import EstimateOptions, no_estimate, PoseEstimate, Status
 from ..cameras.camera_info import CameraInfoModel
@@ -60,7 +61,9 @@ def estimate_pose(
         Raw pixels; pixel centres are integers. OpenCV's (N, 1, 2) is accepted too.
     board_points : (N, 2) array
         The same points on the board's plane Z = 0, metres (or any unit; the translation has the
-        same). OpenCV's (N, 3) with Z = 0 is accepted too.
+        same): x right, y up, as the viewer sees the front of the board. OpenCV's (N, 3) with
+        Z = 0 is accepted too. If y points down, the points lie in the order of the back: pass
+        ``options`` with ``two_sided``, or negate y.
     image_size
         (width, height), px: gives the default centre, and the image's corners.
     center_px
@@ -134,10 +137,26 @@ def estimate_observation(
     view = observation.centered(center_px, image_size)
     if observation.collinear:
         return no_estimate(Status.COLLINEAR, len(view.image), 0)
+    if not options.two_sided and is_mirrored(view.image, view.board, options.threshold_px**2):
+        return no_estimate(Status.SEEN_FROM_BEHIND, len(view.image), 0)
     problem = ViewProblem(view, camera, options)
     if options.has_deviations:
         problem = FullViewProblem(view, camera, options, center_known)
-    return _estimate_from_four(problem) if len(view.image) == 4 else _estimate_from_many(problem)
+    four = len(view.image) == 4
+    estimate = _estimate_from_four(problem) if four else _estimate_from_many(problem)
+    return _of_visible_side(estimate, options)
+
+
+def _of_visible_side(estimate: PoseEstimate, options: EstimateOptions) -> PoseEstimate:
+    """Drop the poses that show the back of the board, unless it is two-sided."""
+    if options.two_sided or estimate.model is None:
+        return estimate
+    if shows_back(estimate.model.camera_from_board):
+        n = len(estimate.inliers)
+        return no_estimate(Status.SEEN_FROM_BEHIND, n, estimate.iterations)
+    front = tuple(s for s in estimate.alternatives if not shows_back(s.camera_from_board))
+    dropped = len(front) < len(estimate.alternatives)
+    return replace(estimate, alternatives=front) if dropped else estimate
 
 
 def _checked_options(options: EstimateOptions | None) -> EstimateOptions:

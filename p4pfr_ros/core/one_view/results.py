@@ -21,7 +21,7 @@ import numpy as np
 from ..geometry import Array, fields_equal, Mask
 from ..minimal.solution import Solution
 from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, POSITION, ROTATION, sigma_at
-from ..options import check_ranges, option
+from ..options import check_ranges, option, switch
 
 # Largest standard deviations of observable quantities: focal length and distance, relative; the
 # direction of the board, radians; the distortion, as k |d|² at the image's corner.
@@ -52,6 +52,7 @@ class Status(enum.Enum):
     NO_SOLUTION = 'no camera within the limits explains the points'
     NO_CONSENSUS = 'too few points agree on one pose'
     MISFIT = 'the calibration does not fit this image'
+    SEEN_FROM_BEHIND = 'the board would be seen from behind: is the corner order right?'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,6 +91,10 @@ class EstimateOptions:
         Standard deviations of what a view does not tell: fy/fx of the pixels, shear of the image
         by a rolling shutter (of known cameras), scale, stretch and skew of the board, and its bow
         as a share of half its size. Zero: exactly square, true, flat. `ideal` sets all to zero.
+    two_sided
+        Whether the board may be seen from behind, as a board of glass. Printed boards are opaque:
+        a view of the back is an error in the order of the points. The front is the side from
+        which board x points right and board y up.
     seed
         The same seed and the same input give the same output.
 
@@ -208,6 +213,11 @@ class EstimateOptions:
         "Standard deviation of the board's bow, as a share of half its size; 0: flat.",
         low=0.0,
         high=0.1,
+    )
+    two_sided: bool = switch(
+        False,
+        'Whether the board may be seen from behind, as a board of glass. Otherwise a view of its '
+        'back is rejected: the order of the points is mirrored.',
     )
     seed: int = option(
         0,

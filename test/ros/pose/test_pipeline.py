@@ -3,10 +3,14 @@
 
 """The pipeline of a node in this process: subscriptions, and the order of publishing."""
 
+import time
+
 from geometry_msgs.msg import PolygonStamped
-from in_process import publish
+from in_process import publish, set_parameter
 import moving
-from p4pfr_ros import CalibrationState
+import numpy as np
+from p4pfr_ros import CalibrationState, Status
+from p4pfr_ros.ros.conversions import cloud_msg
 from p4pfr_ros.ros.pose import pipeline
 from p4pfr_ros.ros.pose.calibration_keeper import CalibrationKeeper
 from p4pfr_ros.ros.pose.outputs import Outputs
@@ -85,3 +89,26 @@ def test_a_calibrated_camera_publishes_the_pose_before_it_is_updated(make, monke
         assert fused is before
         changes += after is not before
     assert changes > 0
+
+
+@pytest.mark.parametrize('mode', ['self_calibrate', 'per_frame', 'fixed'])
+def test_a_mirrored_board_is_a_counted_rejection_unless_it_is_two_sided(make, monkeypatch, mode):
+    """The parameter robust.two_sided takes effect with the next message."""
+    node, estimates = make(), []
+    monkeypatch.setattr(Outputs, 'is_awaited', lambda *_: True)
+    monkeypatch.setattr(Outputs, 'publish_pose', lambda *given: estimates.append(given[2]))
+    assert set_parameter(node, 'intrinsics.focal_px', 520.0).successful
+    assert set_parameter(node, 'intrinsics.mode', mode).successful
+    publish(node, 'camera_info', scenes.camera_info())
+    mirrored = scenes.GRID * [-1.0, 1.0]
+    image_points, ids = scenes.project(scenes.GRID), np.arange(len(mirrored))
+    msg = cloud_msg(scenes.header(1), image_points, mirrored, ids)
+    health = node._pipeline._reporter._health
+    publish(node, 'correspondences', msg)
+    assert estimates.pop().status is Status.SEEN_FROM_BEHIND
+    assert health.rejections == {'seen_from_behind': 1}
+    assert 'is the corner order right?' in health.status(time.monotonic()).message
+    assert set_parameter(node, 'robust.two_sided', True).successful
+    publish(node, 'correspondences', msg)
+    assert estimates.pop().model.camera_from_board.tilt_deg > 90.0
+    assert health.rejections == {'seen_from_behind': 1}
