@@ -16,6 +16,7 @@ from p4pfr_ros.boards.conventions import CORNER_ORDERS
 from p4pfr_ros.core.geometry import Array
 
 _MAX_PER_ROW, _MAX_TOTAL = 1000, 10_000
+_SHORTEST_M, _LONGEST_M = 1e-6, 1e4
 _DICTIONARY_SIZE = re.compile(r'(?<=\dX\d)_\d+$')
 
 
@@ -78,22 +79,28 @@ def check_counts(board: Any, at_least: int) -> None:
 
 
 def check_lengths(board: Any, *keys: str) -> None:
-    """Raise ValueError unless the values are positive, finite numbers."""
+    """Raise ValueError unless the values are lengths of real boards."""
     for key in keys:
         value = getattr(board, key)
         is_number = isinstance(value, Real) and not isinstance(value, bool)
         # This form of the comparison rejects NaN too.
         if not is_number or not 0.0 < value < math.inf:
             raise ValueError(f'{key}: expected a length > 0 (metres), got {value!r}')
+        if not _SHORTEST_M <= value <= _LONGEST_M:
+            raise ValueError(
+                f'{key}: expected a length from {_SHORTEST_M:g} to {_LONGEST_M:g} m, got {value!r}'
+            )
 
 
 def check_numbers(board: Any, *keys: str) -> None:
-    """Raise ValueError unless the values are finite numbers."""
+    """Raise ValueError unless the values are finite numbers, no larger than a real board."""
     for key in keys:
         value = getattr(board, key)
         is_number = isinstance(value, Real) and not isinstance(value, bool)
         if not is_number or not math.isfinite(value):
             raise ValueError(f'{key}: expected a finite number, got {value!r}')
+        if not abs(value) <= _LONGEST_M:
+            raise ValueError(f'{key}: expected a number within {_LONGEST_M:g}, got {value!r}')
 
 
 def check_id(board: Any, key: str) -> None:

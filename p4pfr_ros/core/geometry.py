@@ -262,7 +262,7 @@ def as_points(values: ArrayLike, name: str, shape: tuple[int | None, ...]) -> Ar
     """
     try:
         array: Array = np.ascontiguousarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f'{name} must be numbers of shape {_text(shape)}: {error}') from None
     if array.shape != shape and not _matches(array.shape, shape):
         raise ValueError(f'{name} must have shape {_text(shape)}, got {_text(array.shape)}')
@@ -270,6 +270,27 @@ def as_points(values: ArrayLike, name: str, shape: tuple[int | None, ...]) -> Ar
     if not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
         raise ValueError(f'{name} must be finite, got {_first_bad(array)}')
     return array
+
+
+def finite_number(value: Any, name: str) -> float:
+    """
+    Return a number as a float.
+
+    Raises
+    ------
+    ValueError
+        It is not a number, or not finite.
+
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f'{name} must be a number: {error}') from None
+    except OverflowError:  # an int of hundreds of digits
+        number = math.inf
+    if not math.isfinite(number):
+        raise ValueError(f'{name} must be finite, got {number}')
+    return number
 
 
 def _matches(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:

@@ -10,6 +10,7 @@ The ROS parameters and the command line take all three from there.
 from __future__ import annotations
 
 import dataclasses
+from numbers import Real
 from typing import Any
 
 
@@ -46,23 +47,39 @@ def option_of(options: Any, name: str) -> Option:
     return result
 
 
-def check_ranges(options: Any) -> None:
+def check_options(options: Any) -> None:
     """
-    Check every field of an options dataclass against its range.
+    Check every field of an options dataclass, and convert its numbers to float or int.
+
+    The kernels are compiled once for each type of their arguments: an int for a float, or a
+    float32, would compile them again.
 
     Raises
     ------
     ValueError
-        Names the first field out of its range, the range and the value.
+        Names the first field of another type or out of its range, what is expected and the value.
 
     """
     for field in dataclasses.fields(options):
-        value, limits = getattr(options, field.name), field.metadata['option']
-        if isinstance(field.default, bool):
-            if not isinstance(value, bool):
-                raise ValueError(f'{field.name} must be True or False, got {value!r}')
-        # Written so that NaN is out of range.
-        elif value is not None and not limits.low <= value <= limits.high:
-            raise ValueError(
-                f'{field.name} must be from {limits.low:g} to {limits.high:g}, got {value}'
-            )
+        value = getattr(options, field.name)
+        if value is not None or field.default is not None:
+            object.__setattr__(options, field.name, _checked(field, value))
+
+
+def _checked(field: dataclasses.Field[Any], value: Any) -> bool | int | float:
+    limits, default = field.metadata['option'], field.default
+    if isinstance(default, bool):
+        if isinstance(value, bool):
+            return value
+        expected = 'True or False'
+    elif not isinstance(value, Real) or isinstance(value, bool):
+        expected = 'a number'
+    elif not limits.low <= value <= limits.high:  # written so that NaN is out of range
+        expected = f'from {limits.low:g} to {limits.high:g}'
+    elif not isinstance(default, int):
+        return float(value)
+    elif float(value).is_integer():
+        return int(float(value))
+    else:
+        expected = 'an integer'
+    raise ValueError(f'{field.name} must be {expected}, got {value!r}')

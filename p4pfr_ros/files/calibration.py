@@ -15,7 +15,12 @@ import os
 from typing import Any
 
 import numpy as np
-from p4pfr_ros.core.cameras.camera_info import CameraInfoModel, COEFFICIENTS
+from p4pfr_ros.core.cameras.camera_info import (
+    CameraInfoModel,
+    COEFFICIENTS,
+    MAX_NUMBER,
+    MIN_FOCAL_PX,
+)
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.many_views.results import CameraEstimate
 from p4pfr_ros.files.writing import write_atomically
@@ -149,8 +154,9 @@ def _calibration_from(fields: Fields) -> Calibration:
     # Unused, but ROS requires both, and a truncated file lacks them.
     _matrix_from(fields, 'rectification_matrix', 3, 3)
     _matrix_from(fields, 'projection_matrix', 3, 4)
-    if not (fx > 0.0 and fy > 0.0):
-        raise ValueError(f'camera_matrix.data: expected focal lengths > 0, got {fx} and {fy}')
+    for focal_px in (fx, fy):
+        _check_focal('camera_matrix.data', focal_px)
+    _check_center('camera_matrix.data', cx, cy)
     image_size = fields.count('image_width'), fields.count('image_height')
     division = fields.section('division') if 'division' in fields else None
     return Calibration(
@@ -165,6 +171,23 @@ def _calibration_from(fields: Fields) -> Calibration:
         ),
         estimate=_estimate_from(division) if division else None,
     )
+
+
+def _check_focal(path: str, focal_px: float) -> None:
+    """Reject a focal length that no camera has; a camera_info with it is rejected too."""
+    if not MIN_FOCAL_PX <= focal_px <= MAX_NUMBER:
+        raise ValueError(
+            f'{path}: expected a focal length from {MIN_FOCAL_PX:g} to {MAX_NUMBER:g} px, '
+            f'got {focal_px:g}'
+        )
+
+
+def _check_center(path: str, x: float, y: float) -> None:
+    """Reject a centre that no camera has."""
+    if not max(abs(x), abs(y)) <= MAX_NUMBER:
+        raise ValueError(
+            f'{path}: expected a centre within {MAX_NUMBER:g} px, got {x:g} and {y:g}'
+        )
 
 
 def _distortion_from(fields: Fields) -> tuple[str, tuple[float, ...]]:
@@ -185,6 +208,8 @@ def _estimate_from(fields: Fields) -> CameraEstimate:
     k, k2, k3 = (fields.number(name) for name in ('k', 'k2', 'k3'))
     covariance = np.reshape(_matrix_from(fields, 'covariance', 6, 6), (6, 6))
     rms_px, views = fields.number('rms_px'), fields.count('views')
+    _check_focal(fields.path_of('focal_px'), focal_px)
+    _check_center(fields.path_of('center_px'), x, y)
     try:
         camera = DivisionCamera(focal_px, (x, y), k, k2, k3)
         return CameraEstimate(camera, covariance, rms_px, views)

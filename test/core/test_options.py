@@ -9,7 +9,7 @@ import re
 
 import numpy as np
 from p4pfr_ros import CalibrationOptions, EstimateOptions
-from p4pfr_ros.core.options import check_ranges, option, option_of
+from p4pfr_ros.core.options import check_options, option, option_of
 import pytest
 
 FIELDS = [
@@ -39,23 +39,23 @@ class Sample:
 @pytest.mark.parametrize('share', [0.25, 0.5, 0.75])
 @pytest.mark.parametrize('size', [None, 1.0, 2.0])
 def test_values_from_low_to_high_and_none_are_accepted(share, size):
-    check_ranges(Sample(share, size))
+    check_options(Sample(share, size))
 
 
 @pytest.mark.parametrize('value', [np.nextafter(0.25, 0.0), np.nextafter(0.75, 1.0), np.inf, -1.0])
 def test_values_beyond_the_range_are_rejected(value):
     with pytest.raises(ValueError, match=r'^share must be from 0\.25 to 0\.75, got '):
-        check_ranges(Sample(share=value))
+        check_options(Sample(share=value))
 
 
 def test_nan_is_out_of_every_range():
     with pytest.raises(ValueError, match=r'^size must be from 1 to 2, got nan$'):
-        check_ranges(Sample(size=np.nan))
+        check_options(Sample(size=np.nan))
 
 
 def test_the_error_names_the_first_field_out_of_its_range():
     with pytest.raises(ValueError, match=r'^share must be from 0'):
-        check_ranges(Sample(0.0, 0.0))
+        check_options(Sample(0.0, 0.0))
 
 
 @over_switches

@@ -18,11 +18,21 @@ import numpy as np
 from numpy.polynomial import polynomial as poly
 from numpy.typing import ArrayLike
 
-from ..geometry import Array, as_points
+from ..geometry import Array, as_points, finite_number
 from ..linalg import smallest_positive_root
+
+# Beyond these limits no calibration of a camera is believed: the doors of the package (files and
+# messages) reject it. Focal length and centre, px; coefficients.
+MIN_FOCAL_PX, MAX_NUMBER = 1e-3, 1e7
+
+# Beyond these, powers of the numbers may not be finite: in any unit they are no camera.
+_SMALLEST_FOCAL, _LARGEST_NUMBER = 1e-30, 1e30
 
 # Number of coefficients of each model. A plumb_bob with four has k3 = 0.
 COEFFICIENTS = {'plumb_bob': 5, 'rational_polynomial': 8, 'equidistant': 4}
+
+# Far beyond any sensor.
+_LARGEST_SIDE_PX = 10_000_000
 
 _TABLE_SIZE = 1024
 _MAX_STEPS = 20
@@ -74,12 +84,11 @@ class CameraInfoModel:
             object.__setattr__(self, name, (x, y))
         if not min(self.focal_px) > 0.0:
             raise ValueError(f'focal_px must be > 0, got {self.focal_px}')
+        check_magnitudes(self.focal_px, self.center_px)
         if not self.residual_px >= 0.0:
             raise ValueError(f'residual_px must be ≥ 0, got {self.residual_px}')
-        width, height = (int(n) for n in self.image_size)
-        if width < 1 or height < 1:
-            raise ValueError(f'image_size must be positive, got {self.image_size}')
-        object.__setattr__(self, 'image_size', (width, height))
+        width, height = checked_image_size(self.image_size)
+        object.__setattr__(self, 'image_size', (int(width), int(height)))
 
     def project(self, points_in_camera: ArrayLike) -> Array:
         """
@@ -112,7 +121,7 @@ class CameraInfoModel:
                 f'got {self.distortion_model!r}'
             )
         expected = COEFFICIENTS[self.distortion_model]
-        given = tuple(float(c) for c in self.coefficients)
+        given = tuple(finite_number(c, 'coefficients') for c in self.coefficients)
         if self.distortion_model == 'plumb_bob' and len(given) == expected - 1:
             given = (*given, 0.0)
         if len(given) != expected:
@@ -120,9 +129,46 @@ class CameraInfoModel:
             raise ValueError(
                 f'coefficients must be {counts} of {self.distortion_model}, got {len(given)}'
             )
-        if not all(math.isfinite(c) for c in given):
-            raise ValueError(f'coefficients must be finite, got {given}')
         return given
+
+
+def check_magnitudes(
+    focal_px: tuple[float, ...], center_px: tuple[float, float], terms: tuple[float, ...] = ()
+) -> None:
+    """
+    Check that powers of a camera's numbers, which are finite, are finite too.
+
+    Raises
+    ------
+    ValueError
+        They are not: names the number and its limit.
+
+    """
+    if not min(focal_px) >= _SMALLEST_FOCAL:
+        raise ValueError(f'focal_px must be at least {_SMALLEST_FOCAL:g}, got {min(focal_px)}')
+    given = {'focal_px': focal_px, 'center_px': center_px, 'terms of the distortion': terms}
+    for name, numbers in given.items():
+        largest = max(numbers, key=abs, default=0.0)
+        if not abs(largest) <= _LARGEST_NUMBER:
+            raise ValueError(f'{name} must be at most {_LARGEST_NUMBER:g}, got {largest}')
+
+
+def checked_image_size(image_size: tuple[float, float]) -> tuple[float, float]:
+    """
+    Return an image size (width, height) as numbers.
+
+    Raises
+    ------
+    ValueError
+        It is not positive, or beyond every sensor.
+
+    """
+    width, height = as_points(image_size, 'image_size', (2,)).tolist()
+    if not (width >= 1.0 and height >= 1.0):
+        raise ValueError(f'image_size must be positive, got {image_size}')
+    if not max(width, height) <= _LARGEST_SIDE_PX:
+        raise ValueError(f'image_size must be at most {_LARGEST_SIDE_PX}, got {image_size}')
+    return width, height
 
 
 def corner_radius_px(image_size: tuple[float, float], center_px: tuple[float, float]) -> float:

@@ -74,6 +74,8 @@ def _fitted(
     # A change G of the left side changes p at the same angle by  sin²θ / (p θ') G.
     with np.errstate(all='ignore'):
         weight = np.sin(angle) ** 2 / (p * np.gradient(angle, p))
+    if not np.isfinite(weight).all():
+        return None
     powers = (p[:, None] / focal_px) ** (2.0 * np.arange(terms + 1))
     g = np.linalg.lstsq(weight[:, None] * powers, weight * p / np.tan(angle), rcond=None)[0]
     if not g[0] > 0.0:
@@ -81,7 +83,10 @@ def _fitted(
     # g_i (p / focal_px)²ⁱ = f k_i (p / f)²ⁱ
     ratio = (g[0] / focal_px) ** (2.0 * np.arange(terms + 1))
     k = (g * ratio / g[0])[1:].tolist()
-    return DivisionCamera(float(g[0]), center_px, *k)
+    try:
+        return DivisionCamera(float(g[0]), center_px, *k)
+    except ValueError:  # a coefficient is extreme
+        return None
 
 
 def _pixels(image_size: tuple[int, int]) -> Array:

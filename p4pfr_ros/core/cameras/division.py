@@ -17,8 +17,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .camera_info import CameraInfoModel, corner_radius_px, lens_map
-from ..geometry import Array, as_points
+from .camera_info import CameraInfoModel, check_magnitudes, corner_radius_px, lens_map
+from ..geometry import Array, as_points, finite_number
 from ..linalg import smallest_positive_root
 
 # k, k2, k3.
@@ -27,6 +27,7 @@ Terms = tuple[float, float, float]
 # With two or three terms the projection has no closed form: a table, then Newton's method.
 _TABLE_SIZE = 1024
 _NEWTON_STEPS = 4
+_LAST = 1.0 - 1e-6  # of r / (1 + r) in the table
 
 # With a larger residual, px, the equidistant model is fitted too.
 _GOOD_ENOUGH_PX = 0.1
@@ -63,7 +64,8 @@ class DivisionCamera:
     Raises
     ------
     ValueError
-        A number is not finite, or focal_px is not positive.
+        A number is not finite, focal_px is not positive, or a number is extreme: its powers would
+        not be finite.
 
     """
 
@@ -77,12 +79,10 @@ class DivisionCamera:
         x, y = as_points(self.center_px, 'center_px', (2,)).tolist()
         object.__setattr__(self, 'center_px', (x, y))
         for name in ('focal_px', 'k', 'k2', 'k3'):
-            value = float(getattr(self, name))
-            if not math.isfinite(value):
-                raise ValueError(f'{name} must be finite, got {value}')
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, finite_number(getattr(self, name), name))
         if not self.focal_px > 0.0:
             raise ValueError(f'focal_px must be > 0, got {self.focal_px}')
+        check_magnitudes((self.focal_px,), self.center_px, self.terms)
 
     @classmethod
     def unchecked(
@@ -171,7 +171,7 @@ class DivisionCamera:
         """Sample the angle to the axis over |d|, out to the fold."""
         edge = _fold_radius(self.terms)
         # r = s / (1 - s) reaches from the axis to infinity.
-        last = edge / (1.0 + edge) if math.isfinite(edge) else 1.0 - 1e-6
+        last = min(edge / (1.0 + edge), _LAST) if math.isfinite(edge) else _LAST
         s = np.linspace(0.0, last, _TABLE_SIZE)
         radii = s / (1.0 - s)
         return radii, np.arctan2(radii, _ray_depth(radii**2, self.terms))
@@ -181,7 +181,7 @@ def _closed_form_scale(k: float, rho2: Array, z: Array) -> Array:
     """Return |d| / ρ by the one-parameter model; NaN if no pixel sees the point."""
     # d = s xy on the ray (d, 1 + k |d|²) gives  k ρ² s² - z s + 1 = 0. Of its two roots this one
     # is continuous at k = 0. Each of its two forms avoids cancellation on one side of z = 0.
-    with np.errstate(divide='ignore', invalid='ignore'):
+    with np.errstate(all='ignore'):
         root = np.sqrt(z**2 - 4.0 * k * rho2)  # NaN outside the domain
         s = np.where(z < 0.0, (z - root) / (2.0 * k * rho2), 2.0 / (z + root))
         scale: Array = np.where(np.isfinite(s) & (s > 0.0), s, np.nan)

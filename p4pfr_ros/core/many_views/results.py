@@ -16,10 +16,13 @@ from ..cameras.division import DivisionCamera
 from ..geometry import Array, as_points, fields_equal, Mask, Pose, read_only
 from ..model.lens import CX, CY, FOCAL, K, K2, K3
 from ..model.uncertainty import sigma_at
-from ..options import check_ranges, option
+from ..options import check_options, option
 
 # Tolerated deviation of a covariance from symmetric and positive semidefinite, in variances.
 _ROUNDING = 1e-6
+
+# Products of larger variances may not be finite.
+_LARGEST_VARIANCE = 1e60
 
 
 class CalibrationState(enum.Enum):
@@ -125,7 +128,7 @@ class CalibrationOptions:
     )
 
     def __post_init__(self) -> None:
-        check_ranges(self)
+        check_options(self)
         if not self.min_views <= self.max_views:
             raise ValueError(
                 f'min_views must be at most max_views = {self.max_views}, got {self.min_views}'
@@ -186,8 +189,8 @@ class CameraEstimate:
     Raises
     ------
     ValueError
-        The covariance is not symmetric or not ≥ 0, rms_px is negative or not finite, or views is
-        not positive.
+        The covariance is extreme, not symmetric or not ≥ 0, rms_px is negative or not finite, or
+        views is not positive.
 
     """
 
@@ -198,6 +201,8 @@ class CameraEstimate:
 
     def __post_init__(self) -> None:
         covariance = as_points(self.covariance, 'covariance', (6, 6))
+        if not np.abs(covariance).max() <= _LARGEST_VARIANCE:
+            raise ValueError(f'covariance must be at most {_LARGEST_VARIANCE:g}')
         sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         # In units of the standard deviations: px² and k² differ by orders of magnitude.
         unit = covariance / np.outer(*(2 * [np.where(sigma > 0.0, sigma, 1.0)]))

@@ -24,6 +24,7 @@ from .selection import (
     poses_of,
     unscaled_row,
 )
+from ..cameras.camera_info import checked_image_size
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, POSE_SIZE
 from ..model.lens import camera_from_lens, CX, FOCAL, K, LENS_SIZE
@@ -84,9 +85,7 @@ class SelfCalibration:
         options: CalibrationOptions | None = None,
         robust: EstimateOptions | None = None,
     ) -> None:
-        width, height = image_size
-        if not (width > 0 and height > 0):
-            raise ValueError(f'image_size must be positive, got {image_size}')
+        width, height = checked_image_size(image_size)
         self.image_size = (int(width), int(height))
         self.options: CalibrationOptions = _checked('options', options, CalibrationOptions)
         self.robust: EstimateOptions = _checked('robust', robust, EstimateOptions)

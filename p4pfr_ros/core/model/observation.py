@@ -22,7 +22,6 @@ from ..geometry import (
     Array,
     as_board_points,
     as_image_points,
-    as_points,
     Pose,
     POSE_SIZE,
     TRANSLATION,
@@ -30,6 +29,9 @@ from ..geometry import (
 from ..jit import jit
 
 FEWEST_POINTS = 4
+
+# Powers of larger distances from the centre may not be finite.
+_FARTHEST_PX = 1e20
 
 # Points within this share of the board's size from one line count as collinear.
 _ON_A_LINE = 1e-9
@@ -91,14 +93,16 @@ class Observation:
         Raises
         ------
         ValueError
-            The points are so far from the centre that their squares are not finite.
+            The points are so far from the centre that powers of the distance are not finite.
 
         """
         image = self.image_points - center_px
         farthest_px = math.sqrt(_farthest2(image))
-        if not farthest_px < math.inf:
-            raise ValueError('image_points must have finite squares')
-        corner_px = farthest_px if image_size is None else corner_radius_px(image_size, center_px)
+        if not farthest_px < _FARTHEST_PX:
+            raise ValueError(f'image_points must be within {_FARTHEST_PX:g} px of the centre')
+        corner_px = max(farthest_px, 1.0 / _FARTHEST_PX)
+        if image_size is not None:
+            corner_px = corner_radius_px(image_size, center_px)
         return CenteredView(self, image, self.scaled_board, center_px, corner_px)
 
 
@@ -138,24 +142,6 @@ def observe(image_points: ArrayLike, board_points: ArrayLike, stamp: Any = None)
         raise ValueError('board_points must have finite squares')
     collinear = size <= 0.0 or _collinear(scaled)
     return Observation(image.copy(), board.copy(), scaled, mean, size, collinear, stamp)
-
-
-def checked_image_size(image_size: tuple[int, int] | None) -> tuple[float, float] | None:
-    """
-    Return the image size (width, height) as numbers.
-
-    Raises
-    ------
-    ValueError
-        It is not positive.
-
-    """
-    if image_size is None:
-        return None
-    width, height = as_points(image_size, 'image_size', (2,)).tolist()
-    if not (width >= 1.0 and height >= 1.0):
-        raise ValueError(f'image_size must be positive, got {image_size}')
-    return width, height
 
 
 def image_center_px(image_size: tuple[float, float]) -> tuple[float, float]:

@@ -22,14 +22,13 @@ from .least_squares import known_problem, plausible, POSE, Problem, truncated_co
 from .point_order import is_mirrored, shows_back
 from .ransac import Search, search_best
 from .results import EstimateOptions, no_estimate, PoseEstimate, Status
-from ..cameras.camera_info import CameraInfoModel
+from ..cameras.camera_info import CameraInfoModel, checked_image_size
 from ..cameras.closest_division import division_camera_from_model
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, as_points
 from ..minimal.roots import MAX_ROOTS
 from ..minimal.solution import G, H, ROW_SIZE
 from ..model.observation import (
-    checked_image_size,
     FEWEST_POINTS,
     image_center_px,
     Observation,
@@ -86,7 +85,7 @@ def estimate_pose(
     """
     options = _checked_options(options)
     observation = observe(image_points, board_points)
-    size = checked_image_size(image_size)
+    size = None if image_size is None else checked_image_size(image_size)
     if isinstance(camera, CameraInfoModel):
         size = camera.image_size
         estimate, camera = _estimate_by_model(observation, camera, options), _closest(camera)
@@ -124,7 +123,7 @@ def estimate_observation(
     Raises
     ------
     ValueError
-        Neither image_size, center_px nor camera is given; coordinates without finite squares.
+        Neither image_size, center_px nor camera is given; coordinates beyond 1e20 px.
 
     """
     center_known = center_known and center_px is not None

@@ -21,7 +21,7 @@ import numpy as np
 from ..geometry import Array, fields_equal, Mask
 from ..minimal.solution import Solution
 from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, POSITION, ROTATION, sigma_at
-from ..options import check_ranges, option, switch
+from ..options import check_options, option, switch
 
 # Largest standard deviations of observable quantities: focal length and distance, relative; the
 # direction of the board, radians; the distortion, as k |d|² at the image's corner.
@@ -39,6 +39,9 @@ _DEVIATIONS = (
     'board_stretch',
     'board_bow',
 )
+
+# With smaller spreads, 1 / spread² would be so large that other information is lost in rounding.
+_SMALLEST_SPREAD = 1e-6
 
 
 class Status(enum.Enum):
@@ -243,7 +246,13 @@ class EstimateOptions:
         return any(getattr(self, name) > 0.0 for name in _DEVIATIONS)
 
     def __post_init__(self) -> None:
-        check_ranges(self)
+        check_options(self)
+        for name in _REALISTIC:
+            spread = getattr(self, name)
+            if 0.0 < spread < _SMALLEST_SPREAD:
+                raise ValueError(
+                    f'{name} must be 0, or at least {_SMALLEST_SPREAD:g}, got {spread}'
+                )
         for low, high in (('min_iterations', 'max_iterations'), ('min_fov_deg', 'max_fov_deg')):
             if not getattr(self, low) <= getattr(self, high):
                 raise ValueError(

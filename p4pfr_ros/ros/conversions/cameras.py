@@ -16,7 +16,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from p4pfr_ros.core.cameras.camera_info import CameraInfoModel, COEFFICIENTS
+from p4pfr_ros.core.cameras.camera_info import (
+    CameraInfoModel,
+    COEFFICIENTS,
+    MAX_NUMBER,
+    MIN_FOCAL_PX,
+)
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
@@ -26,10 +31,6 @@ from ..runtime.rejections import Rejected
 
 # Width and height; far beyond any sensor.
 LARGEST_IMAGE_PX = 65535
-
-# Limits of the numbers in K and D: far beyond any lens, and powers of them do not overflow.
-_MIN_FOCAL_PX = 1e-3
-_MAX_NUMBER = 1e7
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,14 +134,16 @@ def model_from_msg(msg: CameraInfo) -> CameraInfoModel | Rejected:
     coefficients = tuple(msg.d)
     if not coefficients and msg.distortion_model == 'plumb_bob':
         coefficients = (0.0,) * COEFFICIENTS['plumb_bob']
+    numbers = np.array([fx, fy, cx, cy, *coefficients])
+    # What is not finite or not positive has errors of its own.
+    if np.abs(numbers).max() > MAX_NUMBER or 0.0 < min(fx, fy) < MIN_FOCAL_PX:
+        return Rejected('camera_model', 'camera_info: a number in K or D is out of range')
     try:
         model = CameraInfoModel(
             msg.distortion_model, coefficients, (fx, fy), (cx, cy), 0.0, (msg.width, msg.height)
         )
     except ValueError as error:
         return Rejected('camera_model', f'camera_info: {error}')
-    if min(fx, fy) < _MIN_FOCAL_PX or max(map(abs, (fx, fy, cx, cy, *coefficients))) > _MAX_NUMBER:
-        return Rejected('camera_model', 'camera_info: a number in K or D is out of range')
     return model
 
 

@@ -32,6 +32,7 @@ SELF_CALIBRATE, PER_FRAME, FIXED, CAMERA_INFO = MODES = (
 NODE_ESTIMATE = EstimateOptions(min_inlier_ratio=0.5, max_iterations=5000)
 
 _MIN_FOCAL_PX = 1e-3
+_MIN_MARKER_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +101,13 @@ class MarkerOptions:
         low=0.0,
         high=0.5,
     )
+
+    def __post_init__(self) -> None:
+        if 0.0 < self.size_m < _MIN_MARKER_M:
+            raise ConfigError(
+                f'marker.size_m: expected at least {_MIN_MARKER_M:g} m, or 0 for not given, '
+                f'got {self.size_m:g}'
+            )
 
 
 @dataclass(frozen=True, slots=True)
