@@ -17,6 +17,7 @@ Every board has these attributes:
 ``black_squares``   (S, 4) m         black squares outside markers: left, bottom, right, top
 ``marker_ids``      (M,) ints        ids of the markers
 ``marker_corners``  (M, 4, 2) m      marker corners, clockwise from each marker's own top left
+``turns``           tuple of Pose    the turns after which it looks the same; see ``symmetry``
 ==================  ===============  ==============================================================
 
 Boards with markers also have ``dictionary``, the name of an OpenCV marker dictionary.

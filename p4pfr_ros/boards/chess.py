@@ -21,7 +21,8 @@ from p4pfr_ros.boards.parts import (
     grid_points,
     marker_corners_at,
 )
-from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.boards.symmetry import turn_about_z
+from p4pfr_ros.core.geometry import Array, Pose
 
 # White margin around the pattern. OpenCV detects a chessboard more reliably with a margin; with
 # half a square, a 9x6 board of 25 mm still fits on A4.
@@ -36,8 +37,8 @@ class Chessboard:
     The square at the top left is black. One of ``columns`` and ``rows`` should be even and the
     other odd: the board then looks different upside down (in 9x6, the left column of squares has
     black ends, the right column white ends), and its frame is unique in every image. Otherwise
-    the board has a half-turn symmetry (for columns = rows also a quarter-turn symmetry if the
-    colours match), and detection chooses the frame whose y axis points up most.
+    it looks the same after half a turn, with columns = rows, both even, also after a quarter turn
+    (see ``turns``), and detection chooses the frame whose y axis points up most.
 
     Parameters
     ----------
@@ -83,6 +84,17 @@ class Chessboard:
         return checkerboard_squares(
             self.columns + 1, self.rows + 1, self.square_m, with_first=True
         )
+
+    @property
+    def turns(self) -> tuple[Pose, ...]:
+        """The turns after which the board looks the same."""
+        # A turn maps the corner squares onto each other, and they must have the same colour. Half
+        # a turn: the squares (i, j) and (columns - i, rows - j). A quarter turn, with columns =
+        # rows: (i, j) and (j, columns - i).
+        if (self.columns + self.rows) % 2 == 1:
+            return ()
+        quarter = self.columns == self.rows and self.columns % 2 == 0
+        return tuple(turn_about_z(angle) for angle in ((90, 180, 270) if quarter else (180,)))
 
     @property
     def marker_ids(self) -> tuple[int, ...]:
@@ -164,6 +176,11 @@ class Charuco:
         return checkerboard_squares(
             self.columns, self.rows, self.square_m, with_first=self._black_first
         )
+
+    @property
+    def turns(self) -> tuple[Pose, ...]:
+        """None: the markers look different after every turn."""
+        return ()
 
     @property
     def marker_ids(self) -> tuple[int, ...]:

@@ -24,7 +24,7 @@ from p4pfr_ros.boards.parts import (
     grid_points,
     marker_corners_at,
 )
-from p4pfr_ros.core.geometry import Array, Ints, Mask
+from p4pfr_ros.core.geometry import Array, Ints, Mask, Pose
 
 # White margin around the pattern, in sides of the largest marker. The detector needs at least one
 # cell; the smallest dictionaries have six cells per side.
@@ -49,6 +49,11 @@ class _CornerPoints:
     def points(self) -> Array:
         """Corners of all markers, (4 M, 2) metres: point 4 n + i is corner i of marker n."""
         return self.marker_corners.reshape(-1, 2)
+
+    @property
+    def turns(self) -> tuple[Pose, ...]:
+        """None: the markers look different after every turn."""
+        return ()
 
     @property
     def black_squares(self) -> Array:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 
+from p4pfr_ros.boards.symmetry import symmetry_note
 from p4pfr_ros.cli.arguments import positive, require
 from p4pfr_ros.files.boards import load_board
 
@@ -39,4 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     board = load_board(arguments.board)
     print_board(board, arguments.output, dpi=arguments.dpi)
     print(f'{arguments.output}: {describe(board)}')
+    note = symmetry_note(board.name, board.turns)
+    if note:
+        print(note)
     return 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 import json
 from pathlib import Path
 import sys
@@ -22,15 +23,18 @@ from p4pfr_ros import (
     Status,
 )
 from p4pfr_ros.boards import Board
+from p4pfr_ros.boards.symmetry import with_turned_poses
 from p4pfr_ros.cli.arguments import (
     add_estimate_option,
     add_estimate_switch,
     description_of,
     find_images,
     finite,
+    in_range,
     require,
 )
 from p4pfr_ros.cli.terminal import print_table, with_progress
+from p4pfr_ros.core.cameras.camera_info import MAX_NUMBER
 from p4pfr_ros.detection import detect
 from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.images import image_or_reason, write_image
@@ -45,7 +49,8 @@ With --json, each line is a JSON object for one image. Lengths are in metres,
 angles in degrees; the pose is camera_from_board; sigma holds standard
 deviations. Quantities that the view does not determine are null and listed in
 not_observable. If several solutions fit the view equally well, candidates
-lists them all, the most likely first. status names how the estimation ended.
+lists them all, the most likely first; so too for a board that looks the
+same after a turn. status names how the estimation ended.
 An image without an estimate has the keys image and reason and, if the board
 was detected, status.
 """
@@ -101,7 +106,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add(
         '--center',
         nargs=2,
-        type=finite,
+        type=partial(in_range, low=-MAX_NUMBER, high=MAX_NUMBER, is_integer=False),
         metavar=('X', 'Y'),
         help='principal point, px (default: the image centre)',
     )
@@ -224,6 +229,7 @@ def _estimate(
         center_px=center_px,
         options=options,
     )
+    estimate, _ = with_turned_poses(estimate, board.turns)
     if estimate.model is None:
         return FailedImage(path, estimate.status.value, estimate.status)
     if draw_folder:

@@ -12,6 +12,7 @@ from typing import Any
 
 from geometry_msgs.msg import PolygonStamped
 from p4pfr_ros import PoseEstimate, Status
+from p4pfr_ros.boards.symmetry import symmetry_note
 from p4pfr_ros.files.yaml_fields import ConfigError
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, PointCloud2
@@ -23,6 +24,7 @@ from .health import HealthReporter, PERIOD_S
 from .inputs import BoardObservation, Inputs
 from .outputs import Outputs
 from .services import Services
+from .turned_boards import TurnedBoards
 from ..conversions import detection_array_type
 from ..parameters.declare import Parameters
 from ..parameters.pose_options import FIXED, PoseNodeOptions, SELF_CALIBRATE
@@ -59,6 +61,10 @@ class PosePipeline:
         options, logger = config.options, node.get_logger()
         try:
             self._inputs = Inputs(options.board_file)
+            for board in self._inputs.boards.values():
+                if board.turns:
+                    logger.warning(symmetry_note(board.name, board.turns))
+            self._turned_boards = TurnedBoards()
             self._driver = CameraInfoSetter(logger, self._lasting, options.set_camera_info_service)
             self._keeper = CalibrationKeeper(logger, self._driver, options)
             config.guard(self._check_fixed_camera)
@@ -160,8 +166,10 @@ class PosePipeline:
         received_s: float,
         estimate: PoseEstimate,
     ) -> None:
-        self._outputs.publish_pose(observation, estimate, options)
+        published = self._turned_boards.resolve(observation, estimate)
+        self._outputs.publish_pose(*published, options)
         reason = self._check.reason if estimate.status is Status.MISFIT else ''
+        # A symmetric board is not ambiguous in this view alone: it was said at the start.
         self._reporter.estimated(observation.stamp_ns, estimate, received_s, reason)
 
     def _warn(self, notice: Notice | None) -> None:
