@@ -122,3 +122,16 @@ def test_wrong_usage_is_status_2(arguments, capsys):
         main(arguments)
     assert exit_.value.code == 2
     assert capsys.readouterr().err.startswith('usage: p4pfr')
+
+
+def test_a_symmetric_board_is_printed_with_a_note(tmp_path, capsys):
+    board = tmp_path / 'board.yaml'
+    for columns, lines in ((7, 2), (8, 1)):
+        text = f'type: chessboard, columns: {columns}, rows: 5, square_m: 0.03'
+        board.write_text(f'boards: {{wall: {{{text}}}}}')
+        assert main(['board', str(board), '-o', str(tmp_path / 'b.png'), '--dpi', '50']) == 0
+        out = capsys.readouterr().out
+        assert len(out.splitlines()) == lines
+        assert ('wall: the board looks the same after a turn of 180 degrees' in out) == (
+            lines == 2
+        )

@@ -9,9 +9,21 @@ import json
 import numpy as np
 from p4pfr_ros import detect, EstimateOptions, Pose
 from p4pfr_ros.cli import main
+from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.files.images import read_image
 import pytest
-from rendered import CHESSBOARD, FOCAL_PX, K, MARKER, TILT_DEG, write_empty, write_scene
+from rendered import (
+    CHESSBOARD,
+    FOCAL_PX,
+    K,
+    MARKER,
+    TILT_DEG,
+    TURN_RAD,
+    write_empty,
+    write_scene,
+)
+
+TILT = Pose.from_rotation_vector(TURN_RAD, np.zeros(3))
 
 
 @pytest.fixture(scope='module')
@@ -207,3 +219,30 @@ def test_a_mirrored_order_is_reported_unless_the_board_is_two_sided(scenes, caps
     line = json.loads(capsys.readouterr().out)
     assert line['status'] == 'confident'
     assert line['tilt_deg'] > 90.0
+
+
+@pytest.mark.parametrize('roll_deg', [10.0, 170.0])
+def test_a_symmetric_board_has_both_poses_as_candidates(tmp_path, capsys, roll_deg):
+    board = tmp_path / 'board.yaml'
+    board.write_text('boards: {wall: {type: chessboard, columns: 7, rows: 5, square_m: 0.03}}')
+    roll = Pose.from_rotation_vector([0.0, 0.0, np.radians(roll_deg)], np.zeros(3))
+    pose = write_scene(tmp_path / 'a.png', str(board), turn_rad=(TILT @ roll).rotation_vector)
+    assert estimate(tmp_path / 'a.png', '--json', board=str(board)) == 0
+    line = json.loads(capsys.readouterr().out)
+    rotations = [
+        Pose.from_quaternion_xyzw(each['quaternion_xyzw'], [0, 0, 0]).rotation
+        for each in line['candidates']
+    ]
+    turns = rotations[0].T @ rotations
+    assert any(np.allclose(turn, np.diag([-1.0, -1.0, 1.0])) for turn in turns)
+    assert min(rotation_angle_rad(rotation, pose.rotation) for rotation in rotations) < 0.02
+    assert line['quaternion_xyzw'] == line['candidates'][0]['quaternion_xyzw']
+
+
+def test_a_centre_far_outside_every_image_is_a_wrong_argument(scenes, capsys):
+    with pytest.raises(SystemExit) as exit_info:
+        estimate(scenes / 'a.png', '--center', '1e300', '0')
+    assert exit_info.value.code == 2
+    assert 'argument --center: expected a number from -10000000 to 10000000' in (
+        capsys.readouterr().err
+    )
