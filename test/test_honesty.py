@@ -29,12 +29,14 @@ from p4pfr_ros.scenes.deviating_view import (
 import pytest
 
 VIEWS = 40
-# The share of views beyond five standard deviations, and of those that are published.
-MOST_BEYOND, FEWEST_PUBLISHED = 0.075, 0.6
+# The share of views beyond five standard deviations, and of those that are published: four points
+# often do not determine an unknown camera.
+MOST_BEYOND = 0.05
+FEWEST_PUBLISHED, FEWEST_MARKERS = 0.9, 0.4
 # Deviations that the options allow for, of the usual size.
 MARKER_HOLDS = ['in model', 'centre 2 to 8 % of the width off', 'Brown-Conrady lens']
 BOARD_HOLDS = [*MARKER_HOLDS, 'equidistant lens', 'board stretched by 0.5 %', '30 % outliers']
-CALIBRATED_HOLDS = ['none', 'noise 1 px instead of 0.2', 'a hand over half the board']
+CALIBRATED_HOLDS = [kind for kind in CALIBRATED_KINDS if kind != 'rolling shutter, 2 %']
 
 compiled = pytest.mark.skipif(not COMPILED, reason='takes minutes interpreted')
 
@@ -43,10 +45,10 @@ def some(kinds, names):
     return {name: kinds[name] for name in names}
 
 
-def assert_hold(scores):
+def assert_hold(scores, fewest=FEWEST_PUBLISHED):
     for kind, each in scores.items():
         published = [score for score in each if score.published]
-        assert len(published) >= FEWEST_PUBLISHED * len(each), kind
+        assert len(published) >= fewest * len(each), kind
         assert np.mean([score.beyond for score in published]) <= MOST_BEYOND, kind
         assert not any(score.far for score in published), kind
 
@@ -54,7 +56,7 @@ def assert_hold(scores):
 @compiled
 def test_stated_errors_hold_for_one_view_of_a_marker():
     kinds = some(MARKER_KINDS, MARKER_HOLDS)
-    assert_hold(free_scores(kinds, MARKER, VIEWS, OPTIONS['default']))
+    assert_hold(free_scores(kinds, MARKER, VIEWS, OPTIONS['default']), FEWEST_MARKERS)
 
 
 @compiled

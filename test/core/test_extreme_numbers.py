@@ -32,7 +32,7 @@ CAMERAS = {
     'centre': {'center_px': CENTER},
     'known': {'camera': CAMERA},
 }
-OPTIONS = {'exact': EstimateOptions(), 'realistic': EstimateOptions.realistic()}
+OPTIONS = {'ideal': EstimateOptions.ideal(), 'default': EstimateOptions()}
 PLACES = {
     'one number': (1, 0),
     'one point': 1,
@@ -49,7 +49,7 @@ over_options = pytest.mark.parametrize('name', OPTIONS)
 over_models = pytest.mark.parametrize('model', MODELS)
 
 
-def estimate(image, board, name='exact', **arguments):
+def estimate(image, board, name='ideal', **arguments):
     """Estimate with a short search."""
     options = dataclasses.replace(OPTIONS[name], max_iterations=200 if COMPILED else 10)
     return estimate_pose(image, board, options=options, **arguments)
@@ -139,7 +139,7 @@ def test_options_at_the_ends_of_their_range(name, end):
         return
     priors = {'prior_focal_px': 500.0, 'prior_focal_sigma_px': 50.0}
     priors |= {'prior_k': -0.2, 'prior_k_sigma': 0.1}
-    for base in (EstimateOptions(), EstimateOptions.realistic(), EstimateOptions(**priors)):
+    for base in (EstimateOptions(), EstimateOptions.ideal(), EstimateOptions(**priors)):
         if name.startswith('prior') and base.prior_k_sigma is None:
             continue
         options = survives(dataclasses.replace, base, **{name: value})

@@ -24,7 +24,7 @@ COVARIANCE = np.diag([1.0, 1.0, 1.0, 1e-4, 1e-6, 1e-8])
 CAMERA = DivisionCamera(520.0, (319.5, 239.5), -0.2, 0.01, 0.001)
 CALIBRATION = Calibration.from_estimate(CameraEstimate(CAMERA, COVARIANCE, 0.2, 9), SIZE, 'front')
 BOARD_FILES = sorted((Path(__file__).parents[2] / 'config/boards').glob('*.yaml'))
-OPTIONS = [EstimateOptions(max_iterations=100), EstimateOptions.realistic(max_iterations=100)]
+OPTIONS = [EstimateOptions(max_iterations=100), EstimateOptions.ideal(max_iterations=100)]
 # As text, YAML reads some of them as numbers and others as words.
 over_values = pytest.mark.parametrize('value', [*VALUES, 10**400, True, None, 'word', [], {}])
 

@@ -25,6 +25,8 @@ from ..linalg import inverse_of_information
 from ..model.lens import (
     camera_from_lens,
     COLUMNS,
+    CX,
+    CY,
     lens_from_camera,
     POSE_COLUMNS,
     RESIDUAL,
@@ -139,11 +141,14 @@ class Candidate:
     def _problem_with(self, fit: JointFit) -> FullViewProblem:
         """Return the view with the camera of a fit, of which the covariance is the prior."""
         camera = camera_from_lens(fit.lens, self.view.center_px)
+        mean, covariance = fit.lens_without(self.view)
+        mean = mean.copy()
+        mean[CX : CY + 1] -= fit.lens[CX : CY + 1]
         return FullViewProblem(
             self.view.observation.centered(camera.center_px, self.image_size),
             camera,
             self.robust,
-            lens_covariance=fit.covariance,
+            lens_prior=(mean, covariance),
             noise_px=math.sqrt(fit.posterior_variance),
         )
 

@@ -127,6 +127,25 @@ class JointFit:
             gradients=self.gradients[keep],
         )
 
+    def lens_without(self, view: CenteredView) -> tuple[Array, Array]:
+        """
+        Return the lens (6,) and its covariance (6, 6) without what a view tells, if it is fitted.
+
+        With them as its prior, the view is not counted twice.
+        """
+        fitted = [v for v, other in enumerate(self.views) if other is view]
+        if not fitted:
+            return self.lens, self.covariance
+        # The negative gradients of all views and the prior cancel: without g of this view the
+        # step is -(T - S)⁻¹ g, T the information of all, and S of the view.
+        free = slice(K + self.order)
+        rest = self.equations[free, free] - self.information[fitted[0]][free, free]
+        inverse = inverse_of_information(rest)
+        lens, covariance = self.lens.copy(), np.zeros((LENS_SIZE, LENS_SIZE))
+        lens[free] -= inverse @ self.gradients[fitted[0]][free]
+        covariance[free, free] = self.posterior_variance * inverse
+        return lens, covariance
+
     @cached_property
     def covariance(self) -> Array:
         """The covariance (6, 6) of the lens; zero for fixed terms."""

@@ -203,6 +203,8 @@ class SelfCalibration:
             return candidate.estimate_alone()
         fit = self._fit
         is_last = bool(fit.views) and fit.views[-1] is candidate.view
+        if is_last and len(fit.views) + self._prior.views == 1:
+            return candidate.estimate_alone()
         return candidate.estimate_with(fit, fit.poses[-1] if is_last else candidate.row)
 
     @property

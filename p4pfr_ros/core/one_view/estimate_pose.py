@@ -210,11 +210,13 @@ def _estimate_from_four(view: ViewProblem) -> PoseEstimate:
         return no_estimate(Status.NO_SOLUTION, 4, 1)
     # All four are inliers: without a prior a free camera fits them exactly.
     refine_all(rows, count, problem, costs)
-    within = [i for i in range(count) if plausible(rows[i], problem)]
-    rows, costs, count = rows[within], costs[within], len(within)
-    if count == 0:
+    rows, costs = rows[:count], costs[:count]
+    if not view.options.has_deviations:  # otherwise the full fits are judged
+        within = [i for i in range(count) if plausible(rows[i], problem)]
+        rows, costs = rows[within], costs[within]
+    if len(rows) == 0:
         return no_estimate(Status.NO_SOLUTION, 4, 1)
-    if count == 1:
+    if len(rows) == 1:
         return view.describe(rows[0], problem, None, Status.FOUR_POINTS, 1)
     ranked = _ranked(rows, costs, view, problem.prior != NO_PRIOR)
     return view.describe(ranked[0], problem, ranked[1:], Status.FOUR_POINTS, 1)

@@ -36,6 +36,7 @@ from .full_model import (
     STRETCH,
 )
 from .least_squares import Problem
+from .point_order import row_shows_back
 from .results import (
     CameraFit,
     EstimateOptions,
@@ -122,12 +123,12 @@ class FullViewProblem(ViewProblem):
     A view whose camera and board may deviate as the options allow.
 
     center_known: whether the principal point is given.
-    lens_covariance (6, 6): of a known camera's lens; None: it is exact.
+    lens_prior: mean (6,) and covariance (6, 6) of a known camera's lens; None: it is exact.
     noise_px: standard deviation of a coordinate, where the points are too few to measure it.
     """
 
     center_known: bool = False
-    lens_covariance: Array | None = None
+    lens_prior: tuple[Array, Array] | None = None
     noise_px: float = DEFAULT_SIGMA_PX
 
     def describe(
@@ -154,11 +155,17 @@ class FullViewProblem(ViewProblem):
             fits = [fit for fit in fits if self._plausible(fit)]
         if not fits:
             return no_estimate(Status.NO_SOLUTION, n, iterations)
+        limit = options.threshold_px**2
+        fits = [fit for fit in fits if (fit.squares < limit).sum() >= self.fewest_inliers]
+        if not fits:
+            return no_estimate(Status.NO_CONSENSUS, n, iterations)
+        if not options.two_sided:
+            fits = [fit for fit in fits if not row_shows_back(fit.state)]
+        if not fits:
+            return no_estimate(Status.SEEN_FROM_BEHIND, n, iterations)
         ranked = self._ranked(fits)
         best, alternatives = ranked[0][1], [fit for _, fit in ranked[1:]]
-        inliers = best.squares < options.threshold_px**2
-        if np.count_nonzero(inliers) < self.fewest_inliers:
-            return no_estimate(Status.NO_CONSENSUS, n, iterations)
+        inliers = best.squares < limit
         observable = self._observable(best, given)
         if alternatives:
             self._include_alternatives(ranked)
@@ -209,7 +216,7 @@ class FullViewProblem(ViewProblem):
         rules = Rules(
             math.inf if exact else options.threshold_px**2,
             options.sigma_px or (self.noise_px if n < _FEWEST_TO_MEASURE else 0.0),
-            widens and self.camera is not None,
+            widens and self.camera is not None and not exact,
         )
         scale = view.observation.board_scale
         numbers = fit_view(start, given, rules, scale, state, lens, squares, covariance)
@@ -261,7 +268,7 @@ class FullViewProblem(ViewProblem):
         pose = self._model(best).camera_from_board
         for (_, fit), weight in zip(ranked[1:], weights[1:], strict=True):
             other = self._model(fit).camera_from_board
-            turn = Pose(other.rotation @ pose.rotation.T, np.zeros(3)).rotation_vector
+            turn = Pose.unchecked(other.rotation @ pose.rotation.T, np.zeros(3)).rotation_vector
             off = np.concatenate([other.translation - pose.translation, turn, np.zeros(2)])
             off[COV_FOCAL] = fit.lens[FOCAL] - best.lens[FOCAL]
             off[COV_K] = fit.lens[K] - best.lens[K]
@@ -314,11 +321,11 @@ class FullViewProblem(ViewProblem):
     def _given(self, row: Array) -> FullProblem:
         """Return the problem of the view, its priors about a row's camera."""
         view, options = self.view, self.options
-        if self.camera is not None and self.lens_covariance is None:
-            given = _exact_lens(options, self.camera, view.corner_px, view.center_px)
+        if self.lens_prior is not None:
+            lens, covariance = self.lens_prior
+            given = _known_lens(options, lens, view.corner_px, covariance)
         elif self.camera is not None:
-            lens = lens_from_camera(self.camera, view.center_px)
-            given = _known_lens(options, lens, view.corner_px, self.lens_covariance)
+            given = _exact_lens(options, self.camera, view.corner_px, view.center_px)
         elif options.prior_k_sigma is None:
             given = _usual_lens(options, view.corner_px, self.center_known)
         else:

@@ -78,8 +78,9 @@ _MOST_CLOSE_OUTLIERS = 0.02
 _HELD_STEPS = 8
 _HELD = 1e10
 
-# Largest number of times that a known camera's view gets larger deviations.
+# How often a known camera's view gets larger deviations, and how much larger in all.
 _WIDENINGS = 4
+_LARGEST_GROWTH = 10.0
 
 
 class Rules(NamedTuple):
@@ -188,15 +189,17 @@ def _widen(
     A view that deviates more than usual (a bent print, a faster motion) then has the covariance
     that its own misfit asks for.
     """
+    grown = 1.0
     for _ in range(_WIDENINGS):
         total, count = 0.0, 0
         for i in range(DEVIATIONS):
             if problem.sizes[i] > 0.0:
                 total += state[DEVIATION + i] ** 2
                 count += 1
-        if not total > count:
+        growth = min(math.sqrt(total / max(count, 1)), _LARGEST_GROWTH / grown)
+        if not growth > 1.0:
             break
-        growth = math.sqrt(total / count)
+        grown *= growth
         for i in range(DEVIATIONS):
             problem.sizes[i] *= growth
             state[DEVIATION + i] /= growth

@@ -65,3 +65,9 @@ def shows_back(camera_from_board: Pose) -> bool:
     tx, ty, tz = camera_from_board.translation.tolist()
     # The board's z axis points out of its front. Any point of its plane may replace the origin.
     return bool(x * tx + y * ty + z * tz > 0.0)
+
+
+def row_shows_back(row: Array) -> bool:
+    """Return the same for a pose as a row (≥ 12,) of the scaled board."""
+    xz, yz, zz, x, y, z = row[[2, 5, 8, 9, 10, 11]].tolist()
+    return bool(xz * x + yz * y + zz * z > 0.0)

@@ -247,7 +247,7 @@ class EstimateOptions:
 
     def __post_init__(self) -> None:
         check_options(self)
-        for name in _REALISTIC:
+        for name in _DEVIATIONS:
             spread = getattr(self, name)
             if 0.0 < spread < _SMALLEST_SPREAD:
                 raise ValueError(

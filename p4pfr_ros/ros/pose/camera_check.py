@@ -76,7 +76,8 @@ class CameraCheck:
             self._start(camera, image_size)
         if self._has_moved(board, image_points):
             self._count(estimate)
-        if self.reason and estimate.model is not None:
+        poor = estimate.status is Status.NO_CONSENSUS
+        if self.reason and (estimate.model is not None or poor):
             return no_estimate(Status.MISFIT, len(image_points), estimate.iterations)
         return estimate
 

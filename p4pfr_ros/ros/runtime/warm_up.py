@@ -18,7 +18,7 @@ _FACING = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.05, -0.03, 0.5]))
 _TILTS = ((0.5, 0.3, 0.1), (0.1, 0.06, 0.1), (0.0, 0.0, 0.0))
 _TURN = (-0.3, 0.5, 0.8)
 _NOISE_PX = 0.3
-_REALISTIC = EstimateOptions.realistic(image_shear=0.0)
+_IDEAL = EstimateOptions.ideal()
 
 
 def warm_up() -> None:
@@ -34,8 +34,8 @@ def warm_up() -> None:
     for image, points in [(view, board) for view in views] + [(views[0][marker], board[marker])]:
         estimate_pose(image, points, image_size=_SIZE)
         estimate_pose(image, points, camera=_CAMERA)
-        # As where a given camera does not fit.
-        estimate_pose(image, points, image_size=_SIZE, options=_REALISTIC)
+        # A world without deviations has kernels of its own.
+        estimate_pose(image, points, image_size=_SIZE, options=_IDEAL)
     calibration = SelfCalibration(_SIZE)
     another = _projected(board, _FACING @ _rotated(_TILTS[0]) @ _rotated(_TURN))
     for image in (views[0], views[0], another):

@@ -4,8 +4,9 @@
 """Alternatives: all solutions that explain a view as well as the best, and no others."""
 
 from errors import project_board
+from ideal import estimate_pose, ideal_options
 import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose
+from p4pfr_ros import DivisionCamera, Pose
 from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
@@ -17,7 +18,7 @@ NESTED = np.concatenate([CORNERS, 0.5 * CORNERS, 0.25 * CORNERS])
 FAR, NEAR = Pose(TILTED, [0.02, 0.01, 3.0]), Pose(TILTED, [0.02, 0.01, 0.3])
 FREE = {
     'image_size': IMAGE_SIZE,
-    'options': EstimateOptions(
+    'options': ideal_options(
         prior_focal_px=800.0, prior_focal_sigma_px=20.0, prior_k=-0.1, prior_k_sigma=0.02
     ),
 }

@@ -80,7 +80,7 @@ def test_a_wrong_calibration_is_refused_by_most_views_of_a_tilted_board(wrong, k
             assert estimate.model is None
             assert estimate.camera_fit.evidence > 25.0
     assert Status.MISFIT.value == 'the calibration does not fit this image'
-    assert misfits >= sample(0.85 * len(seeds), 0)
+    assert misfits >= sample(0.75 * len(seeds), 0)
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,9 @@
 
 """``estimate_pose`` with a CameraInfoModel."""
 
+from ideal import estimate_pose, ideal_options
 import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose, Status
+from p4pfr_ros import DivisionCamera, Pose, Status
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.geometry import rotation_angle_rad
 import pytest
@@ -60,7 +61,7 @@ def test_without_noise_the_pose_is_exact(model):
 def test_errors_and_covariance_are_in_raw_pixels(model):
     """Noise of 0.5 px is measured as such, and the covariance holds the errors."""
     rng = np.random.default_rng(2)
-    options = EstimateOptions(threshold_px=3.0)
+    options = ideal_options(threshold_px=3.0)
     n = 60
     squares, rms_px = [], []
     for _ in range(n):

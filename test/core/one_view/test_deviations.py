@@ -95,7 +95,7 @@ def test_one_view_of_an_unknown_camera_is_not_confidently_wrong(lens, board):
         wrong += beyond(estimate, pose)
         distance = np.linalg.norm(estimate.model.camera_from_board.translation)
         assert 0.1 < distance / np.linalg.norm(pose.translation) < 10.0
-    assert published >= 60
+    assert published >= 50
     assert wrong <= 0.02 * published
 
 
@@ -153,7 +153,8 @@ def test_a_known_camera_has_the_covariance_that_a_deviating_view_asks_for(deviat
         angle = rotation_angle_rad(estimated.rotation, pose.rotation)
         gross = angle > np.radians(5.0)
         wrong += gross and beyond(estimate, pose)
-        wrong_without += beyond(estimate_pose(pixels, BOARD, camera=CAMERA), pose)
+        ideal = estimate_pose(pixels, BOARD, camera=CAMERA, options=EstimateOptions.ideal())
+        wrong_without += beyond(ideal, pose)
     assert wrong <= 2
     if deviation in ('rolling shutter', 'wide print'):
         assert wrong_without > 30

@@ -4,8 +4,9 @@
 """``estimate_pose``: outliers, four points, covariance, observability, invalid arguments."""
 
 from errors import estimate_error
+from ideal import estimate_pose, ideal_options
 import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose, Status
+from p4pfr_ros import DivisionCamera, Pose, Status
 from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import draw_view
@@ -43,7 +44,7 @@ def test_outliers_are_rejected(n, outliers, least, sample):
 
 def test_inliers_and_rms_belong_to_the_returned_model():
     drawn = draw_view(np.random.default_rng(2), 60, outlier_share=0.3)
-    options = EstimateOptions(threshold_px=1.5)
+    options = ideal_options(threshold_px=1.5)
     estimate = estimate_pose(
         drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE, options=options
     )
@@ -136,7 +137,7 @@ def test_the_covariance_matches_the_errors(sample):
             drawn.image_points,
             drawn.board_points,
             image_size=IMAGE_SIZE,
-            options=EstimateOptions(sigma_px=0.5),
+            options=ideal_options(sigma_px=0.5),
         )
         error = estimate_error(estimate.model, drawn)
         squares.append(error @ np.linalg.solve(estimate.covariance, error))
@@ -179,7 +180,7 @@ def test_random_points_have_no_consensus():
         rng.uniform((0, 0), IMAGE_SIZE, (40, 2)),
         rng.uniform(-0.5, 0.5, (40, 2)),
         image_size=IMAGE_SIZE,
-        options=EstimateOptions(max_iterations=300),
+        options=ideal_options(max_iterations=300),
     )
     assert estimate.model is None
     assert estimate.status in (Status.NO_CONSENSUS, Status.NO_SOLUTION)
@@ -223,4 +224,4 @@ def test_the_error_for_an_invalid_argument_names_it(image, board, arguments, mes
 )
 def test_the_error_for_an_option_out_of_range_names_it(option, message):
     with pytest.raises(ValueError, match=message):
-        EstimateOptions(**option)
+        ideal_options(**option)

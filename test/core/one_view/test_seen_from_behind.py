@@ -33,7 +33,7 @@ KNOWN = {
     'division': {'camera': CAMERA},
     'plumb_bob': {'camera': CAMERA.to_camera_info_model(IMAGE_SIZE)},
 }
-OPTIONS = {'exact': EstimateOptions(), 'realistic': EstimateOptions.realistic()}
+OPTIONS = {'ideal': EstimateOptions.ideal(), 'default': EstimateOptions()}
 over_boards = pytest.mark.parametrize('name', BOARDS)
 over_cameras = pytest.mark.parametrize('known', KNOWN.values(), ids=KNOWN)
 over_options = pytest.mark.parametrize('options', OPTIONS.values(), ids=OPTIONS)

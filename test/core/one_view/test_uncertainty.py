@@ -4,8 +4,8 @@
 """Covariances match the errors over many views."""
 
 from errors import estimate_error
+from ideal import estimate_pose, ideal_options
 import numpy as np
-from p4pfr_ros import estimate_pose, EstimateOptions
 from p4pfr_ros.core.model.uncertainty import noise_variance
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import draw_view
@@ -16,7 +16,7 @@ VIEWS = 2000
 
 def errors_and_covariances(n, views, sigma_px=None, noise_px=0.5, known=False):
     rng = np.random.default_rng(5)
-    options = EstimateOptions(sigma_px=sigma_px)
+    options = ideal_options(sigma_px=sigma_px)
     errors, covariances = [], []
     for _ in range(views):
         drawn = draw_view(rng, n, noise_px=noise_px)
@@ -85,7 +85,7 @@ def test_the_covariance_scales_with_the_given_noise_variance():
             drawn.image_points,
             drawn.board_points,
             image_size=IMAGE_SIZE,
-            options=EstimateOptions(sigma_px=sigma_px),
+            options=ideal_options(sigma_px=sigma_px),
         ).covariance
         for sigma_px in (0.15, 0.3)
     ]
@@ -99,7 +99,7 @@ def test_four_points_have_the_default_noise():
             drawn.image_points,
             drawn.board_points,
             image_size=IMAGE_SIZE,
-            options=EstimateOptions(sigma_px=sigma_px),
+            options=ideal_options(sigma_px=sigma_px),
         ).covariance
         for sigma_px in (None, 0.5)
     ]

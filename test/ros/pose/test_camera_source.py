@@ -6,7 +6,7 @@
 from modes import CALIBRATING, fixed, FREEZE, Modes, options, SELF_CALIBRATE
 import moving
 import numpy as np
-from p4pfr_ros import CalibrationState
+from p4pfr_ros import CalibrationState, Status
 from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.files.calibration import Calibration
 from p4pfr_ros.ros.conversions import camera_info_from_model_msg, ImageFrame
@@ -46,7 +46,7 @@ def test_poses_of_a_calibrated_camera_are_nearly_as_accurate_as_with_the_true_ca
 
 
 def test_a_zoom_is_detected_within_ten_views_and_calibrated_again():
-    """Until then errors are within the covariances; afterwards they are small again."""
+    """Until then there is no pose, or its error is within the covariance; then it is small."""
     modes = Modes()
     modes.process_all(moving.views(0, CALIBRATING))
     after = moving.views(CALIBRATING, 2 * CALIBRATING, moving.ZOOMED)
@@ -54,12 +54,13 @@ def test_a_zoom_is_detected_within_ten_views_and_calibrated_again():
     causes = [r.notice.cause for r in results[:10] if r.notice is not None]
     assert causes == ['camera_changed']
     for view, result in zip(after, results, strict=True):
+        if result.estimate.status is Status.MISFIT:
+            continue
         pose = result.estimate.model.camera_from_board
         assert view.error_m(pose) < 3.0 * _sigma_m(result), view.index
     assert modes.calibrations.state is CalibrationState.CALIBRATED
     assert modes.calibrations.fused.camera.focal_px == pytest.approx(650.0, rel=0.005)
-    worst_before = max(_sigma_m(result) for result in results[:10])
-    assert worst_before > 2.0 * _sigma_m(results[-1])
+    assert any(result.estimate.status is Status.MISFIT for result in results[:10])
 
 
 def _sigma_m(result):
