@@ -74,7 +74,7 @@ class PoseNodeClient:
         return self.node.output.splitlines()
 
 
-def assert_close(pose, expected, atol_m=1e-4, atol_rad=1e-3):
-    """Two poses agree, by default within 0.1 mm and 1 mrad."""
+def assert_close(pose, expected, atol_m=1e-3, atol_rad=2e-3):
+    """Two poses agree, by default within 1 mm and 2 mrad: priors on the camera move them."""
     np.testing.assert_allclose(pose.translation, expected.translation, atol=atol_m)
     assert rotation_angle_rad(pose.rotation, expected.rotation) < atol_rad
