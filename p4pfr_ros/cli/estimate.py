@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 import json
 from pathlib import Path
@@ -48,9 +48,12 @@ no estimate; the reasons are printed to stderr.
 With --json, each line is a JSON object for one image. Lengths are in metres,
 angles in degrees; the pose is camera_from_board; sigma holds standard
 deviations. Quantities that the view does not determine are null and listed in
-not_observable. If several solutions fit the view equally well, candidates
-lists them all, the most likely first; so too for a board that looks the
-same after a turn. status names how the estimation ended.
+not_observable; focal_limits has the shares of the variance of the focal
+length that are from the unknown principal point (center), the unknown terms
+of the lens (lens), and pixels and board that may deviate (others). If several
+solutions fit the view equally well, candidates lists them all, the most
+likely first; so too for a board that looks the same after a turn. status
+names how the estimation ended.
 An image without an estimate has the keys image and reason and, if the board
 was detected, status.
 """
@@ -66,6 +69,9 @@ _HEADINGS = (
     'inliers',
 )
 _UNKNOWN = '?'
+
+# What causes more than this share of the variance of the focal length limits it.
+_LIMITING = 0.3
 _ALL = Observability(direction=True, distance=True, focal=True, distortion=True)
 
 
@@ -251,7 +257,7 @@ def _print_json(result: ImageEstimate | FailedImage) -> None:
 
 def _as_json(result: ImageEstimate) -> dict[str, Any]:
     estimate = result.estimate
-    observable = estimate.observable
+    observable, limits = estimate.observable, estimate.focal_limits
     return {
         'image': str(result.path),
         'image_size': list(result.image_size),
@@ -262,6 +268,7 @@ def _as_json(result: ImageEstimate) -> dict[str, Any]:
             'focal_px': estimate.focal_sigma_px if observable.focal else None,
             'k': estimate.k_sigma if observable.distortion else None,
         },
+        'focal_limits': None if limits is None else asdict(limits),
         'rms_px': estimate.rms_px,
         'points': len(estimate.inliers),
         'inliers': int(estimate.inliers.sum()),
@@ -317,11 +324,30 @@ def _joined(values: Iterable[float], digits: int) -> str:
     return ' '.join(f'{value:.{digits}f}' for value in values)
 
 
+def _limit(estimate: PoseEstimate) -> str:
+    """Return what limits the focal length more than the noise, in words; '' if nothing does."""
+    limits = estimate.focal_limits
+    if limits is None or not estimate.observable.focal:
+        return ''
+    shares = {
+        'the principal point': limits.center,
+        'the terms of the lens': limits.lens,
+        'pixels and board, which may deviate': limits.others,
+    }
+    name, share = max(shares.items(), key=lambda item: item[1])
+    if share < _LIMITING:
+        return ''
+    return f'focal length limited by {name} ({100.0 * share:.0f} % of its variance)'
+
+
 def _notes(results: Iterable[ImageEstimate]) -> Iterator[str]:
     for result in results:
         undetermined = result.estimate.observable.undetermined
         if undetermined:
             yield f'{result.path}: not determined by this view: {", ".join(undetermined)}'
+        limit = _limit(result.estimate)
+        if limit:
+            yield f'{result.path}: {limit}'
         candidates = len(_candidates(result))
         if candidates:
             yield f'{result.path}: {candidates} solutions fit this view equally well (see --json)'

@@ -65,6 +65,17 @@ def test_json_has_the_true_pose_and_camera(scenes, capsys):
     assert 0.0 < sigma['distance_m'] < 0.03
 
 
+def test_what_limits_the_focal_length_is_said(scenes, capsys):
+    assert estimate(scenes / 'a.png') == 0
+    out = ' '.join(capsys.readouterr().out.split())
+    assert f'{scenes / "a.png"}: focal length limited by ' in out
+    assert estimate(scenes / 'a.png', '--json') == 0
+    limits = json.loads(capsys.readouterr().out)['focal_limits']
+    assert set(limits) == {'center', 'lens', 'others'}
+    assert max(limits.values()) >= 0.3
+    assert sum(limits.values()) <= 1.0
+
+
 def test_table_has_a_row_for_each_image(scenes, capsys):
     assert estimate(scenes / 'a.png', scenes / 'b[red].png') == 0
     out, err = capsys.readouterr()

@@ -40,6 +40,7 @@ from .point_order import row_shows_back
 from .results import (
     CameraFit,
     EstimateOptions,
+    FocalLimits,
     mark_undetermined,
     MAX_FOCAL_SHARE,
     no_estimate,
@@ -178,6 +179,7 @@ class FullViewProblem(ViewProblem):
             covariance=mark_undetermined(best.covariance, observable),
             alternatives=tuple(self._model(other) for other in alternatives),
             observable=observable,
+            focal_limits=None if self.camera else _limits_of(best.numbers),
         )
 
     def best_fit(self, rows: Sequence[Array]) -> _Fit:
@@ -457,6 +459,10 @@ def _different(ranked: Sequence[tuple[float, _Fit]]) -> list[tuple[float, _Fit]]
         if min(apart) > math.sqrt(2.0) * _SAME_RAD:
             kept.append((excess, fit))
     return kept
+
+
+def _limits_of(numbers: FullFit) -> FocalLimits:
+    return FocalLimits(numbers.focal_by_center, numbers.focal_by_lens, numbers.focal_by_others)
 
 
 def _status(status: Status, observable: Observability) -> Status:

@@ -105,6 +105,8 @@ class FullFit(NamedTuple):
     corner_rad, seen_rad: angle to the axis at the image's corner and at the farthest point that
     was seen; seen_bend: bend there.
     bend_share: variance of the first bend over that of its prior.
+    focal_by_center, focal_by_lens, focal_by_others: shares of the focal length's variance that are
+    from the priors on the centre, the bends, and the other deviations.
     """
 
     prior_chi2: float
@@ -115,6 +117,9 @@ class FullFit(NamedTuple):
     seen_rad: float
     seen_bend: float
     bend_share: float
+    focal_by_center: float
+    focal_by_lens: float
+    focal_by_others: float
 
 
 @jit
@@ -152,18 +157,57 @@ def fit_view(
     lens_of(state, problem.corner_px, lens)
     squares[:] = work.squares
     _public_covariance(state, problem, board_scale, work, covariance)
-    bend_share = 0.0
-    for a in range(len(problem.active)):
-        if problem.active[a] == LENS_COLUMN + BEND:
-            bend_share = work.covariance[a, a] * problem.information[BEND, BEND]
     farthest2 = 0.0
     for i in range(len(problem.image)):
         x, y = problem.image[i, 0] - lens[CX], problem.image[i, 1] - lens[CY]
         farthest2 = max(farthest2, x * x + y * y)
     corner_rad, _ = _half_field(lens, problem.corner_px)
     seen_rad, seen_bend = _half_field(lens, math.sqrt(farthest2))
-    of_all, of_lens = prior_chi2(state, problem), lens_chi2(state, problem)
-    return FullFit(of_all, of_lens, variance, dof, corner_rad, seen_rad, seen_bend, bend_share)
+    bend_share, by_center, by_lens, by_others = _prior_shares(problem, work)
+    return FullFit(
+        prior_chi2(state, problem),
+        lens_chi2(state, problem),
+        variance,
+        dof,
+        corner_rad,
+        seen_rad,
+        seen_bend,
+        bend_share,
+        by_center,
+        by_lens,
+        by_others,
+    )
+
+
+@kernel
+def _prior_shares(problem: FullProblem, work: FullWork) -> tuple[float, float, float, float]:
+    """
+    Return the last four numbers of ``FullFit``: what is from the priors.
+
+    With the posterior covariance C, the prior P on a group of parameters gives the share
+    (C P C)_ff of the variance C_ff of the logarithm of the focal length.
+    """
+    active, covariance = problem.active, work.covariance
+    bend_share = by_center = by_lens = by_others = 0.0
+    focal = -1
+    for a in range(len(active)):
+        if active[a] == LENS_COLUMN + LOG_FOCAL:
+            focal = a
+    for a in range(POSE_COLUMNS, len(active)):
+        parameter = active[a]
+        prior = _prior_entry(problem, parameter, parameter)
+        if parameter == LENS_COLUMN + BEND:
+            bend_share = covariance[a, a] * prior
+        if focal < 0 or a == focal:
+            continue
+        share = covariance[focal, a] ** 2 * prior / covariance[focal, focal]
+        if parameter >= DEVIATION_COLUMN:
+            by_others += share
+        elif parameter >= LENS_COLUMN + BEND:
+            by_lens += share
+        else:
+            by_center += share
+    return bend_share, by_center, by_lens, by_others
 
 
 @kernel

@@ -308,6 +308,20 @@ class CameraFit:
     evidence: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class FocalLimits:
+    """
+    What limits the focal length of an unknown camera: shares of its variance, from 0 to 1.
+
+    They are from the priors on the principal point, on the distortion terms, and on pixels and
+    board; the rest is from the noise and the prior on the focal length.
+    """
+
+    center: float
+    lens: float
+    others: float
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True, repr=False)
 class PoseEstimate:
     """
@@ -329,6 +343,8 @@ class PoseEstimate:
         Other solutions that explain the view as well.
     observable
         The quantities that the view determines.
+    focal_limits
+        What limits the focal length; None if the camera is known, or without deviations.
     camera_fit
         With a known camera: how well it fits the view.
     """
@@ -342,6 +358,7 @@ class PoseEstimate:
     alternatives: tuple[Solution, ...]
     observable: Observability
     camera_fit: CameraFit | None = None
+    focal_limits: FocalLimits | None = None
 
     def __post_init__(self) -> None:
         self.inliers.flags.writeable = self.covariance.flags.writeable = False

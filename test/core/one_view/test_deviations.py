@@ -160,6 +160,20 @@ def test_a_known_camera_has_the_covariance_that_a_deviating_view_asks_for(deviat
         assert wrong_without > 30
 
 
+def test_limits_are_the_shares_of_the_priors():
+    rng = np.random.default_rng(4)
+    pixels, _ = draw(rng, CAMERA.project, BOARD, (0.4, 0.5), (30.0, 40.0), 0.2)
+    limits = estimate_pose(pixels, BOARD, image_size=SIZE).focal_limits
+    assert min(limits.center, limits.lens, limits.others) > 0.0
+    assert limits.center + limits.lens + limits.others < 1.0
+    centered = estimate_pose(pixels, BOARD, center_px=tuple(MIDDLE), image_size=SIZE)
+    assert centered.focal_limits.center == 0.0
+    flat = EstimateOptions(aspect_spread=0.0, board_stretch=0.0, board_bow=0.0)
+    exact = estimate_pose(pixels, BOARD, image_size=SIZE, options=flat)
+    assert exact.focal_limits.others == 0.0
+    assert exact.focal_sigma_px < estimate_pose(pixels, BOARD, image_size=SIZE).focal_sigma_px
+
+
 def test_a_view_without_deviations_is_still_exact():
     rng = np.random.default_rng(3)
     pixels, pose = draw(rng, CAMERA.project, BOARD, (0.4, 0.5), (30.0, 40.0), 0.0)
