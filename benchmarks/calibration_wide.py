@@ -21,7 +21,7 @@ _FIELDS_OF_VIEW_DEG = (100, 130, 150)
 _VIEWS, _HELD_OUT = 18, 10
 _NOISE_PX = 0.3
 _CORNER_PX = 0.5 * math.hypot(*IMAGE_SIZE)
-_ALL_INLIERS = EstimateOptions(threshold_px=100.0)
+_ALL_INLIERS = EstimateOptions.ideal(threshold_px=100.0)
 
 HEADER = (
     'field of view',

@@ -10,7 +10,7 @@ import functools
 import math
 
 import numpy as np
-from p4pfr_ros import estimate_pose, Pose
+from p4pfr_ros import EstimateOptions, Pose
 from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.scenes.single_view import SyntheticView
 
@@ -19,10 +19,13 @@ from .opencv import estimate_known, median_ms, pose_from_undistorted, undistort,
 _POINTS = (4, 8, 24, 100, 500)
 _ROUNDS = 7
 
+_IDEAL, _DEFAULT = EstimateOptions.ideal(), EstimateOptions()
+
 KNOWN_HEADER = (
     'points',
     'estimate_pose:\nrotation ° / position %',
     'OpenCV:\nrotation ° / position %',
+    'estimate_pose, ms,\nno deviations',
     'estimate_pose, ms',
     'OpenCV, ms,\nwithout undistortion',
     'ratio',
@@ -37,11 +40,12 @@ def known_rows(scenes: int) -> list[tuple[str, ...]]:
 def _row(n: int, views: list[SyntheticView]) -> tuple[str, ...]:
     prepared = [undistort(v) for v in views]
     opencv = [pose_from_undistorted(*p) for p in prepared]
-    estimates = [estimate_pose(v.image_points, v.board_points, camera=v.camera) for v in views]
+    estimates = [estimate_known(v, _DEFAULT) for v in views]
     ours = [e.model.camera_from_board if e.model else None for e in estimates]
     times = median_ms(
         {
-            'ours': [functools.partial(estimate_known, v) for v in views],
+            'ideal': [functools.partial(estimate_known, v, _IDEAL) for v in views],
+            'ours': [functools.partial(estimate_known, v, _DEFAULT) for v in views],
             'opencv': [functools.partial(pose_from_undistorted, *p) for p in prepared],
         },
         _ROUNDS,
@@ -50,6 +54,7 @@ def _row(n: int, views: list[SyntheticView]) -> tuple[str, ...]:
         str(n),
         _medians(ours, views),
         _medians(opencv, views),
+        f'{times["ideal"]:.3f}',
         f'{times["ours"]:.3f}',
         f'{times["opencv"]:.3f}',
         f'{times["ours"] / times["opencv"]:.2f}',

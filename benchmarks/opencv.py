@@ -10,7 +10,7 @@ import time
 
 import cv2
 import numpy as np
-from p4pfr_ros import estimate_pose, EstimateOptions, Pose
+from p4pfr_ros import estimate_pose, EstimateOptions, Pose, PoseEstimate
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import draw_view, SyntheticView
@@ -62,21 +62,26 @@ def _in_space(board: Array) -> Array:
     return np.column_stack([board, np.zeros(len(board))])
 
 
-def options_for(outlier_percent: int) -> EstimateOptions:
-    """Return the default options, or those for more outliers than the default allows."""
+def options_for(outlier_percent: int, *, ideal: bool) -> EstimateOptions:
+    """Return options, without deviations or not; for more outliers than the default allows."""
+    options = EstimateOptions.ideal if ideal else EstimateOptions
     if outlier_percent <= USUAL_OUTLIERS_PERCENT:
-        return EstimateOptions()
-    return EstimateOptions(min_inlier_ratio=0.05)
+        return options()
+    return options(min_inlier_ratio=0.05)
 
 
-def estimate(drawn: SyntheticView, options: EstimateOptions) -> None:
+def estimate(drawn: SyntheticView, options: EstimateOptions) -> PoseEstimate:
     """Call ``estimate_pose`` with an unknown camera."""
-    estimate_pose(drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE, options=options)
+    return estimate_pose(
+        drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE, options=options
+    )
 
 
-def estimate_known(drawn: SyntheticView) -> None:
+def estimate_known(drawn: SyntheticView, options: EstimateOptions) -> PoseEstimate:
     """Call ``estimate_pose`` with the known camera."""
-    estimate_pose(drawn.image_points, drawn.board_points, camera=drawn.camera)
+    return estimate_pose(
+        drawn.image_points, drawn.board_points, camera=drawn.camera, options=options
+    )
 
 
 def views_of(n_points: int, outlier_percent: int, count: int) -> list[SyntheticView]:

@@ -7,25 +7,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
-import time
 
 import numpy as np
-from p4pfr_ros import estimate_pose, EstimateOptions, PoseEstimate, Solution
+from p4pfr_ros import Solution
 from p4pfr_ros.core.geometry import Array, rotation_angle_rad, TRANSLATION
 from p4pfr_ros.core.minimal.solution import G, H, ROW_SIZE, solution_from_row
 from p4pfr_ros.core.one_view.free_camera import Gates
 from p4pfr_ros.core.one_view.least_squares import free_problem, least_squares_work, minimise
-from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import draw_view, SyntheticView
 
-from .opencv import options_for
+from .opencv import estimate, options_for
 
 _ANY_CAMERA = Gates(800.0, 0.0, math.pi, math.inf)
 _STEPS = 200
 _TOLERANCE = 1e-14
-
-# Each scene is timed this many times; the fastest time counts.
-_REPEATS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +51,9 @@ class Cell:
 
     n_points: int
     outlier_percent: int
-    ideal: Errors  # least squares from ground truth on the true inliers
-    ours: Errors
-    milliseconds: float
+    truth: Errors  # least squares from ground truth on the true inliers
+    ideal: Errors  # estimate_pose without deviations
+    default: Errors  # estimate_pose with default options
     iterations: float
 
 
@@ -68,27 +63,18 @@ def measure_cell(n_points: int, outlier_percent: int, scenes: int) -> Cell:
     views = [
         draw_view(rng, n_points, outlier_share=outlier_percent / 100.0) for _ in range(scenes)
     ]
-    options = options_for(outlier_percent)
-    timed = [_timed(v, options) for v in views]
+    ideal, default = (
+        [estimate(view, options_for(outlier_percent, ideal=ideal)) for view in views]
+        for ideal in (True, False)
+    )
     return Cell(
         n_points,
         outlier_percent,
         _errors([fit_from_ground_truth(v) for v in views], views),
-        _errors([estimate.model for estimate, _ in timed], views),
-        1e3 * float(np.median([seconds for _, seconds in timed])),
-        float(np.median([estimate.iterations for estimate, _ in timed])),
+        _errors([each.model for each in ideal], views),
+        _errors([each.model for each in default], views),
+        float(np.median([each.iterations for each in ideal])),
     )
-
-
-def _timed(drawn: SyntheticView, options: EstimateOptions) -> tuple[PoseEstimate, float]:
-    best_s = math.inf
-    for _ in range(_REPEATS):
-        start = time.perf_counter()
-        estimate = estimate_pose(
-            drawn.image_points, drawn.board_points, image_size=IMAGE_SIZE, options=options
-        )
-        best_s = min(best_s, time.perf_counter() - start)
-    return estimate, best_s
 
 
 def fit_from_ground_truth(drawn: SyntheticView) -> Solution:
