@@ -10,6 +10,7 @@ frames must match.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 import math
 from typing import Any, TypeVar
@@ -132,6 +133,14 @@ class Pose:
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = self.rotation, self.translation
         return matrix
+
+    @property
+    def shows_back(self) -> bool:
+        """Whether this pose of a board, camera_from_board, shows the camera the board's back."""
+        x, y, z = self.rotation[:, 2].tolist()
+        tx, ty, tz = self.translation.tolist()
+        # The board's z axis points out of its front. Any point of its plane may be the origin.
+        return bool(x * tx + y * ty + z * tz > 0.0)
 
     @property
     def rotation_vector(self) -> Array:
@@ -270,6 +279,22 @@ def as_points(values: ArrayLike, name: str, shape: tuple[int | None, ...]) -> Ar
     if not math.isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
         raise ValueError(f'{name} must be finite, got {_first_bad(array)}')
     return array
+
+
+def finite_numbers(values: Iterable[Any], name: str) -> tuple[float, ...]:
+    """
+    Return numbers as floats; name: what they are, or a name for each, separated by spaces.
+
+    Raises
+    ------
+    ValueError
+        One is not a number, or not finite.
+
+    """
+    values, names = tuple(values), name.split()
+    if len(names) != len(values):
+        names = [name] * len(values)
+    return tuple(finite_number(*each) for each in zip(values, names, strict=True))
 
 
 def finite_number(value: Any, name: str) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.polynomial import polynomial as poly
 from numpy.typing import ArrayLike
 
-from ..geometry import Array, as_points, finite_number
+from ..geometry import Array, as_points, finite_numbers
 from ..linalg import smallest_positive_root
 
 # Beyond these limits no calibration of a camera is believed: the doors of the package (files and
@@ -121,7 +121,7 @@ class CameraInfoModel:
                 f'got {self.distortion_model!r}'
             )
         expected = COEFFICIENTS[self.distortion_model]
-        given = tuple(finite_number(c, 'coefficients') for c in self.coefficients)
+        given = finite_numbers(self.coefficients, 'coefficients')
         if self.distortion_model == 'plumb_bob' and len(given) == expected - 1:
             given = (*given, 0.0)
         if len(given) != expected:

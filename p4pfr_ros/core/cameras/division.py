@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .camera_info import CameraInfoModel, check_magnitudes, corner_radius_px, lens_map
-from ..geometry import Array, as_points, finite_number
+from ..geometry import Array, as_points, finite_numbers
 from ..linalg import smallest_positive_root
 
 # k, k2, k3.
@@ -40,6 +40,9 @@ _MAX_STEPS = 60
 _EXACT_PX = 1e-6  # far below the noise of any image: the fit ends
 _STILL_FALLING = 1e-3  # smallest relative decrease of the cost for another step
 _START_DAMPING, _MAX_DAMPING = 1e-3, 1e6
+
+
+_NUMBERS = ('focal_px', 'k', 'k2', 'k3')
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -78,8 +81,9 @@ class DivisionCamera:
     def __post_init__(self) -> None:
         x, y = as_points(self.center_px, 'center_px', (2,)).tolist()
         object.__setattr__(self, 'center_px', (x, y))
-        for name in ('focal_px', 'k', 'k2', 'k3'):
-            object.__setattr__(self, name, finite_number(getattr(self, name), name))
+        given = (self.focal_px, self.k, self.k2, self.k3)
+        for name, number in zip(_NUMBERS, finite_numbers(given, ' '.join(_NUMBERS)), strict=True):
+            object.__setattr__(self, name, number)
         if not self.focal_px > 0.0:
             raise ValueError(f'focal_px must be > 0, got {self.focal_px}')
         check_magnitudes((self.focal_px,), self.center_px, self.terms)

@@ -19,7 +19,7 @@ import numpy as np
 from .bundle_adjustment import squared_errors, StackedViews, view_block
 from .joint_fit import JointFit, stacked_views
 from ..cameras.division import DivisionCamera
-from ..geometry import Array, POSE_SIZE
+from ..geometry import Array, Pose, POSE_SIZE
 from ..jit import jit
 from ..linalg import inverse_of_information
 from ..model.lens import (
@@ -33,7 +33,8 @@ from ..model.lens import (
     squared_error,
 )
 from ..model.observation import CenteredView
-from ..one_view.estimate_pose import estimate_observation
+from ..one_view.describe import FoundPoses
+from ..one_view.estimate_pose import estimate_observation, search_poses
 from ..one_view.full_estimate import FullViewProblem, lens_contrast, LensContrast
 from ..one_view.results import EstimateOptions, PoseEstimate, without_deviations
 
@@ -72,18 +73,27 @@ class Candidate:
     robust: EstimateOptions
 
     @cached_property
-    def known(self) -> PoseEstimate:
-        """The estimate with the fit's camera, taken as known, without deviations."""
-        options = without_deviations(self.robust)
-        return estimate_observation(self.view.observation, None, None, self.camera, options)
+    def known(self) -> FoundPoses:
+        """The poses with the fit's camera, taken as known, without deviations."""
+        return search_poses(self._centered, self.camera, self.robust)
+
+    @cached_property
+    def known_pose(self) -> Pose | None:
+        """The best of these poses, camera_from_board; None if there is none."""
+        rows = self.known.rows
+        return self.view.observation.pose_from_row(rows[0]) if rows else None
+
+    @cached_property
+    def _centered(self) -> CenteredView:
+        """The view relative to the fit's principal point."""
+        return self.view.observation.centered(self.camera.center_px, self.image_size)
 
     @cached_property
     def evaluated(self) -> EvaluatedView | None:
         """The view with the fit's camera; None if that camera gives no pose."""
-        if self.known.model is None:
+        if not self.known.rows:
             return None
-        row = self.view.observation.row_from_pose(self.known.model.camera_from_board)
-        return evaluate_view(self.view, row, self.fit)
+        return evaluate_view(self.view, self.known.rows[0][:POSE_SIZE].copy(), self.fit)
 
     @cached_property
     def alone(self) -> PoseEstimate:
@@ -140,12 +150,15 @@ class Candidate:
 
     def _problem_with(self, fit: JointFit) -> FullViewProblem:
         """Return the view with the camera of a fit, of which the covariance is the prior."""
-        camera = camera_from_lens(fit.lens, self.view.center_px)
+        camera, view = self.camera, self._centered
+        if fit is not self.fit:
+            camera = camera_from_lens(fit.lens, self.view.center_px)
+            view = self.view.observation.centered(camera.center_px, self.image_size)
         mean, covariance = fit.lens_without(self.view)
         mean = mean.copy()
         mean[CX : CY + 1] -= fit.lens[CX : CY + 1]
         return FullViewProblem(
-            self.view.observation.centered(camera.center_px, self.image_size),
+            view,
             camera,
             self.robust,
             lens_prior=(mean, covariance),
@@ -155,18 +168,17 @@ class Candidate:
     @cached_property
     def contrast(self) -> LensContrast:
         """The view with the fit's camera against the view with a camera of its own."""
-        observation = self.view.observation
         free = FullViewProblem(
-            observation.centered(self.camera.center_px, self.image_size),
+            self._centered,
             None,
             self.robust,
             noise_px=math.sqrt(self.fit.posterior_variance),
         )
         rows = []
-        for model in (self.known.model, self.alone.model):
-            if model is not None:
-                lens = [model.camera.focal_px, model.camera.k / model.camera.focal_px]
-                pose = observation.row_from_pose(model.camera_from_board)
+        own = self.alone.model.camera if self.alone.model else None
+        for pose, camera in ((self.known.model, self.camera), (self.alone_row, own)):
+            if pose is not None and camera is not None:
+                lens = [camera.focal_px, camera.k / camera.focal_px]
                 rows.append(np.concatenate([pose[:POSE_SIZE], lens]))
         return lens_contrast(self._problem_with(self.fit), self.row, free, rows)
 
@@ -183,10 +195,11 @@ class Candidate:
 
         row: the pose (12,) of the scaled board to start from.
         """
-        observation, problem = self.view.observation, self._problem_with(fit)
-        known = self.known if self.known.model else self.alone
-        others = [observation.row_from_pose(s.camera_from_board) for s in known.alternatives]
-        return problem.estimate_from([row, *others], known.status, known.iterations)
+        problem, known = self._problem_with(fit), self.known
+        status, iterations, others = known.status, known.iterations, known.rows[1:]
+        if not known.rows:
+            status, iterations = self.alone.status, self.alone.iterations
+        return problem.estimate_from([row, *others], status, iterations)
 
     def estimate_alone(self) -> PoseEstimate:
         """Estimate from the view alone, its principal point about that of the fit."""

@@ -14,16 +14,18 @@ from numpy.typing import ArrayLike
 
 from .candidate import Candidate
 from .change_detection import ChangeDetector
-from .joining import fit_candidates, with_lens_order, with_view
 from .joint_fit import fit_of_prior, fit_views, JointFit, keyframes_of
-from .results import CalibrationOptions, CalibrationState, CameraEstimate, Keyframe, Verdict
-from .selection import (
+from .keyframes import (
     determines_focal,
     distance_to_views_px,
+    fit_candidates,
     is_worth_a_fit,
     poses_of,
     unscaled_row,
+    with_lens_order,
+    with_view,
 )
+from .results import CalibrationOptions, CalibrationState, CameraEstimate, Keyframe, Verdict
 from ..cameras.camera_info import checked_image_size
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, POSE_SIZE
@@ -193,7 +195,7 @@ class SelfCalibration:
 
     def _estimate(self, candidate: Candidate) -> PoseEstimate:
         """Return the estimate with the updated camera, or from the view alone if they disagree."""
-        if self.state is CalibrationState.CALIBRATED and candidate.known.model:
+        if self.state is CalibrationState.CALIBRATED and candidate.known.rows:
             if self._is_doubtful:
                 status, n = Status.MISFIT, len(candidate.view.image)
                 return no_estimate(status, n, candidate.known.iterations)
@@ -274,11 +276,11 @@ class SelfCalibration:
 
     def _is_new(self, candidate: Candidate, poses: Array) -> bool:
         """Return whether a view differs from those with these poses (V, 12)."""
-        model = candidate.known.model
-        if model is None or not len(poses):
+        pose = candidate.known_pose
+        if pose is None or not len(poses):
             return True
         distance_px = distance_to_views_px(
-            candidate.view.observation.board_points, model.camera_from_board, poses, self._camera
+            candidate.view.observation.board_points, pose, poses, self._camera
         )
         return distance_px > self.options.new_view * math.hypot(*self.image_size)
 

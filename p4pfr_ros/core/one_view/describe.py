@@ -22,7 +22,6 @@ import numpy as np
 
 from .ambiguity import another_focal_fits, MAX_OTHERS, other_optima
 from .camera_fit import stretch_of, stretched_equations
-from .consensus import fewest_inliers
 from .free_camera import Gates, Prior, prior_cost
 from .least_squares import (
     covariance_from,
@@ -37,7 +36,7 @@ from .least_squares import (
     squared_errors,
     truncated_cost,
 )
-from .ransac import ransac_work, RansacWork
+from .ransac import fewest_inliers, ransac_work, RansacWork
 from .results import (
     CameraFit,
     EstimateOptions,
@@ -261,10 +260,47 @@ class ViewProblem:
         return Solution(camera, self.view.observation.pose_from_row(row))
 
 
+class FoundPoses(NamedTuple):
+    """Poses (≥ 12,) of the scaled board that explain a view, the best first; none: see status."""
+
+    rows: list[Array]
+    status: Status
+    iterations: int
+
+    @property
+    def model(self) -> Array | None:
+        """The best pose; None if there is none."""
+        return self.rows[0] if self.rows else None
+
+
+@dataclass(frozen=True, slots=True)
+class PoseSearch(ViewProblem):
+    """A view whose poses alone are wanted, not described: `describe` returns `FoundPoses`."""
+
+    def describe(  # type: ignore[override]
+        self, row: Array, problem: Problem, others: Array | None, status: Status, iterations: int
+    ) -> FoundPoses:
+        """Refine a row in place; return it and the alternatives."""
+        arrays = assessment(len(self.view.image))
+        summary = self._assess(row, problem, others is None, arrays)
+        if summary.inliers < self.fewest_inliers:
+            return FoundPoses([], Status.NO_CONSENSUS, iterations)
+        found = [row, *(arrays.others[: summary.others] if others is None else others)]
+        if not self.options.two_sided:
+            found = [each for each in found if not shows_back(each)]
+        return FoundPoses(found, status if found else Status.SEEN_FROM_BEHIND, iterations)
+
+
 def _final_status(status: Status, observable: Observability) -> Status:
     if status is Status.FOUR_POINTS or not observable.undetermined:
         return status
     return Status.UNDETERMINED
+
+
+def shows_back(row: Array) -> bool:
+    """Return whether a pose (≥ 12,) of the scaled board shows the camera the board's back."""
+    xz, yz, zz, x, y, z = row[[2, 5, 8, 9, 10, 11]].tolist()
+    return bool(xz * x + yz * y + zz * z > 0.0)
 
 
 class Assessment(NamedTuple):

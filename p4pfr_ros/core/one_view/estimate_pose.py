@@ -8,19 +8,27 @@ from __future__ import annotations
 from dataclasses import replace
 import functools
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .ambiguity import same_optimum
 from .camera_fit import compared, free_options, is_bad
-from .describe import MAX_RATIO, refine_all, refine_wide, solve_four, ViewProblem
+from .describe import (
+    FoundPoses,
+    MAX_RATIO,
+    PoseSearch,
+    refine_all,
+    refine_wide,
+    solve_four,
+    ViewProblem,
+)
 from .free_camera import NO_PRIOR
 from .full_estimate import FullViewProblem
 from .known_camera import weak_perspective_rows
 from .least_squares import known_problem, plausible, POSE, Problem, truncated_cost
-from .point_order import is_mirrored, shows_back
-from .ransac import Search, search_best
+from .ransac import is_mirrored, Search, search_best
 from .results import EstimateOptions, no_estimate, PoseEstimate, Status
 from ..cameras.camera_info import CameraInfoModel, checked_image_size
 from ..cameras.closest_division import division_camera_from_model
@@ -29,6 +37,7 @@ from ..geometry import Array, as_points
 from ..minimal.roots import MAX_ROOTS
 from ..minimal.solution import G, H, ROW_SIZE
 from ..model.observation import (
+    CenteredView,
     FEWEST_POINTS,
     image_center_px,
     Observation,
@@ -146,14 +155,31 @@ def estimate_observation(
     return _of_visible_side(estimate, options)
 
 
+def search_poses(
+    view: CenteredView, camera: DivisionCamera, options: EstimateOptions
+) -> FoundPoses:
+    """Return the poses of a view, relative to a known camera's centre, without deviations."""
+    mirrored = is_mirrored(view.image, view.board, options.threshold_px**2)
+    if view.observation.collinear:
+        return FoundPoses([], Status.COLLINEAR, 0)
+    if mirrored and not options.two_sided:
+        return FoundPoses([], Status.SEEN_FROM_BEHIND, 0)
+    problem = PoseSearch(view, camera, options)
+    found: Any = _estimate_from_four if len(view.image) == 4 else _estimate_from_many
+    result = found(problem)
+    if isinstance(result, FoundPoses):
+        return result
+    return FoundPoses([], result.status, result.iterations)
+
+
 def _of_visible_side(estimate: PoseEstimate, options: EstimateOptions) -> PoseEstimate:
     """Drop the poses that show the back of the board, unless it is two-sided."""
     if options.two_sided or estimate.model is None:
         return estimate
-    if shows_back(estimate.model.camera_from_board):
+    if estimate.model.camera_from_board.shows_back:
         n = len(estimate.inliers)
         return no_estimate(Status.SEEN_FROM_BEHIND, n, estimate.iterations)
-    front = tuple(s for s in estimate.alternatives if not shows_back(s.camera_from_board))
+    front = tuple(s for s in estimate.alternatives if not s.camera_from_board.shows_back)
     dropped = len(front) < len(estimate.alternatives)
     return replace(estimate, alternatives=front) if dropped else estimate
 

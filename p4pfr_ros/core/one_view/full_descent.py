@@ -5,9 +5,9 @@
 Least squares of the full model: Levenberg-Marquardt that measures the noise as it goes.
 
 The prior on the bends depends on the focal length, and the weight of the priors on the noise: both
-follow each step.
+follow each step. Starts that are far from the optimum compete with fisheyes.
 
-This module stands alone because it knows no starts, and nothing of the result: ``full_fit`` does.
+This module stands alone because it knows nothing of the result: ``full_fit`` makes that.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from .full_model import (
     set_usual_bends,
 )
 from ..geometry import Array, POSE_SIZE, TRANSLATION
-from ..jit import kernel
+from ..jit import jit, kernel
 from ..linalg import copy_row, rotate, solve_in_place
-from ..model.lens import POSE_COLUMNS
+from ..model.lens import CX, CY, POSE_COLUMNS
 from ..model.uncertainty import noise_variance
 
 # Damping, relative to the diagonal. Along f, t_z and the bends the problem is ill-conditioned:
@@ -59,6 +59,13 @@ GATE_SIGMAS = 4.0
 # Lower limit of the measured noise, px. The corners of photographs share errors (blur, sampling)
 # that their residuals do not show.
 SMALLEST_SIGMA_PX = 0.1
+
+# Where points are off by little more than the threshold, or a fit does not converge, starts with
+# the lenses of fisheyes are tried, with a wide limit: this multiple of the threshold (squares).
+WIDE = 100.0
+START_STEPS = 8
+_HALF_FOVS_RAD = (0.5, 0.8, 1.1, 1.4)
+_MOST_CLOSE_OUTLIERS = 0.02
 
 
 class Noise(NamedTuple):
@@ -215,3 +222,75 @@ def _limit(gate: Gate, variance: float) -> float:
 def _tolerance(cost: float, target: float) -> float:
     """Return the gain of chi-square below which a descent may end."""
     return _TOLERANCE if target == 0.0 else max(_TOLERANCE, _ROUGHLY * (cost - target))
+
+
+@jit
+def improve_start(
+    state: Array, problem: FullProblem, noise: Noise, threshold2: float, work: FullWork
+) -> None:
+    """Replace the state by the best of those to which it and equidistant lenses lead."""
+    gate = Gate(WIDE * threshold2, False)
+    start, other = state.copy(), state.copy()
+    cost = math.inf
+    for i in range(len(_HALF_FOVS_RAD) + 1):
+        other[:] = start
+        set_usual_bends(other, problem)
+        if i > 0:
+            _set_equidistant(other, problem, _HALF_FOVS_RAD[i - 1])
+        lower = descend(other, problem, noise, gate, START_STEPS, 0.0, work).cost
+        if lower < cost:
+            cost = lower
+            state[:] = other
+    set_usual_bends(state, problem)
+
+
+@kernel
+def slightly_off(squares: Array, threshold2: float) -> bool:
+    """
+    Return whether some points are beyond the threshold by so little that the lens may be wrong.
+
+    Few outliers of a search are that close to their places.
+    """
+    count = 0
+    for square in squares:
+        if threshold2 <= square < WIDE * threshold2:
+            count += 1
+    return count >= 2 and count > _MOST_CLOSE_OUTLIERS * len(squares)
+
+
+@jit
+def _set_equidistant(state: Array, problem: FullProblem, half_fov_rad: float) -> None:
+    """
+    Replace the lens by an equidistant one, and turn and move the board to the same place in it.
+
+    Its ray has the depth  r / tan(r) = 1 - r²/3 - r⁴/45 - 2 r⁶/945 - ...,  r its angle.
+    """
+    mx = my = 0.0
+    for i in range(len(problem.image)):
+        mx += (problem.image[i, 0] - state[LENS + CX]) / len(problem.image)
+        my += (problem.image[i, 1] - state[LENS + CY]) / len(problem.image)
+    radius_px = math.sqrt(mx * mx + my * my) + 1e-6 * problem.corner_px
+    focal_px = problem.corner_px / half_fov_rad
+    tx, ty, tz = state[TRANSLATION], state[TRANSLATION + 1], state[TRANSLATION + 2]
+    distance = math.sqrt(tx * tx + ty * ty + tz * tz)
+    ax, ay, az = tx / distance, ty / distance, tz / distance
+    angle = radius_px / focal_px
+    sine = math.sin(angle)
+    bx, by, bz = mx / radius_px * sine, my / radius_px * sine, math.cos(angle)
+    # The size across the ray stays the same.
+    sine_before = math.sqrt(ax * ax + ay * ay)
+    at_axis = focal_px * math.exp(-state[LENS + LOG_FOCAL])
+    distance *= sine_before / sine if sine_before > 0.05 and sine > 0.05 else at_axis
+    # The rotation that maps a to b: for ``rotate``, twice the tangent of half the angle.
+    scale = 2.0 / max(1.0 + ax * bx + ay * by + az * bz, 0.1)
+    wx, wy, wz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    before = state.copy()
+    rotate(before, scale * wx, scale * wy, scale * wz, state)
+    state[TRANSLATION], state[TRANSLATION + 1] = distance * bx, distance * by
+    state[TRANSLATION + 2] = distance * bz
+    square = half_fov_rad * half_fov_rad
+    state[LENS + LOG_FOCAL] = math.log(focal_px)
+    state[LENS + BEND] = -square / 3.0
+    state[LENS + BEND + 1] = -square * square / 45.0
+    state[LENS + BEND + 2] = -2.0 * square * square * square / 945.0
+    set_usual_bends(state, problem)

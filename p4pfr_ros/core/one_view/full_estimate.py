@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .describe import assessment, MAX_RATIO, ViewProblem
+from .describe import assessment, MAX_RATIO, shows_back, ViewProblem
 from .full_fit import fit_view, FullFit, other_focal_excess, Rules
 from .full_model import (
     ASPECT,
@@ -31,12 +31,10 @@ from .full_model import (
     LOG_FOCAL,
     PARAMETERS,
     SHEAR,
-    state_from,
     STATE_SIZE,
     STRETCH,
 )
 from .least_squares import Problem
-from .point_order import row_shows_back
 from .results import (
     CameraFit,
     EstimateOptions,
@@ -161,7 +159,7 @@ class FullViewProblem(ViewProblem):
         if not fits:
             return no_estimate(Status.NO_CONSENSUS, n, iterations)
         if not options.two_sided:
-            fits = [fit for fit in fits if not row_shows_back(fit.state)]
+            fits = [fit for fit in fits if not shows_back(fit.state)]
         if not fits:
             return no_estimate(Status.SEEN_FROM_BEHIND, n, iterations)
         ranked = self._ranked(fits)
@@ -196,7 +194,9 @@ class FullViewProblem(ViewProblem):
             start[:POSE_SIZE] = row[:POSE_SIZE]
             starts.append(start)
             if self.camera is not None:
-                start[POSE_SIZE:] = lens_from_camera(self.camera, self.view.center_px)
+                camera = self.camera
+                lens = (camera.focal_px, 0.0, 0.0, camera.k, camera.k2, camera.k3)
+                start[POSE_SIZE:] = lens  # the view is relative to its centre
                 continue
             start[POSE_SIZE + FOCAL], start[POSE_SIZE + K] = row[G], row[G] * row[H]
             typical_px = typical_focal_px(self.view.corner_px)
@@ -400,9 +400,10 @@ def _known_lens(
     options: EstimateOptions, lens: Array, corner_px: float, covariance: Array | None
 ) -> _Lens:
     """Return a known lens (6,); terms of zero variance keep their values."""
-    state = np.empty(STATE_SIZE)
-    state_from(np.zeros(POSE_SIZE), lens, corner_px, state)
-    mean = state[POSE_SIZE : POSE_SIZE + LENS_SIZE]
+    unit = (corner_px / lens[FOCAL]) ** 2
+    mean = lens.copy()
+    mean[LOG_FOCAL] = math.log(lens[FOCAL])
+    mean[BEND:] *= unit, unit**2, unit**3
     information, sizes = np.zeros((LENS_SIZE, LENS_SIZE)), _sizes_of(options)
     free = np.zeros(LENS_SIZE, dtype=bool)
     if covariance is not None:

@@ -24,9 +24,13 @@ from .full_descent import (
     FIRST_DAMPING,
     Gate,
     GATE_SIGMAS,
+    improve_start,
     Noise,
+    slightly_off,
     SMALLEST_SIGMA_PX,
+    START_STEPS,
     step,
+    WIDE,
 )
 from .full_model import (
     add_priors,
@@ -50,7 +54,7 @@ from .full_model import (
 )
 from ..geometry import Array, POSE_SIZE, TRANSLATION
 from ..jit import jit, kernel
-from ..linalg import invert_information, rotate
+from ..linalg import invert_information
 from ..model.lens import CX, CY, FOCAL, K, K2, K3, POSE_COLUMNS
 from ..model.uncertainty import (
     COV_FOCAL,
@@ -66,13 +70,6 @@ _STEPS, _LAST_STEPS = 8, 60
 # The fit ends when the measured variance of the noise changes by less than this share.
 _ROUNDS = 6
 _SAME_NOISE = 0.02
-
-# Where points are off by little more than the threshold, or a fit does not converge, starts with
-# the lenses of fisheyes are tried, with a wide limit: this multiple of the threshold (squares).
-_WIDE = 100.0
-_START_STEPS = 8
-_HALF_FOVS_RAD = (0.5, 0.8, 1.1, 1.4)
-_MOST_CLOSE_OUTLIERS = 0.02
 
 # With another focal length: number of steps, and the information that holds its logarithm.
 _HELD_STEPS = 8
@@ -266,11 +263,11 @@ def _fit(
     gate = Gate(threshold2, True)
     set_usual_bends(state, problem)
     found = descend(state, problem, noise, gate, _STEPS, 0.0, work)
-    slightly_off = _slightly_off(work.squares, threshold2)
-    improves = problem.usual > 0.0 and (slightly_off or not found.converged)
+    is_off = slightly_off(work.squares, threshold2)
+    improves = problem.usual > 0.0 and (is_off or not found.converged)
     if improves:
-        fixed = Noise(max(found.variance, 1.0) if slightly_off else found.variance, False, 0.0)
-        _improve_start(state, problem, fixed, threshold2, work)
+        fixed = Noise(max(found.variance, 1.0) if is_off else found.variance, False, 0.0)
+        improve_start(state, problem, fixed, threshold2, work)
     if improves or not found.converged:
         found = descend(state, problem, noise, gate, _LAST_STEPS, 0.0, work)
     if GATE_SIGMAS**2 * found.variance > threshold2:
@@ -278,78 +275,6 @@ def _fit(
         gate = Gate(threshold2, False)
         found = descend(state, problem, noise, gate, _LAST_STEPS, 0.0, work)
     return _finish(state, problem, found, noise, threshold2, work)
-
-
-@jit
-def _improve_start(
-    state: Array, problem: FullProblem, noise: Noise, threshold2: float, work: FullWork
-) -> None:
-    """Replace the state by the best of those to which it and equidistant lenses lead."""
-    gate = Gate(_WIDE * threshold2, False)
-    start, other = state.copy(), state.copy()
-    cost = math.inf
-    for i in range(len(_HALF_FOVS_RAD) + 1):
-        other[:] = start
-        set_usual_bends(other, problem)
-        if i > 0:
-            _set_equidistant(other, problem, _HALF_FOVS_RAD[i - 1])
-        lower = descend(other, problem, noise, gate, _START_STEPS, 0.0, work).cost
-        if lower < cost:
-            cost = lower
-            state[:] = other
-    set_usual_bends(state, problem)
-
-
-@kernel
-def _slightly_off(squares: Array, threshold2: float) -> bool:
-    """
-    Return whether some points are beyond the threshold by so little that the lens may be wrong.
-
-    Few outliers of a search are that close to their places.
-    """
-    count = 0
-    for square in squares:
-        if threshold2 <= square < _WIDE * threshold2:
-            count += 1
-    return count >= 2 and count > _MOST_CLOSE_OUTLIERS * len(squares)
-
-
-@jit
-def _set_equidistant(state: Array, problem: FullProblem, half_fov_rad: float) -> None:
-    """
-    Replace the lens by an equidistant one, and turn and move the board to the same place in it.
-
-    Its ray has the depth  r / tan(r) = 1 - r²/3 - r⁴/45 - 2 r⁶/945 - ...,  r its angle.
-    """
-    mx = my = 0.0
-    for i in range(len(problem.image)):
-        mx += (problem.image[i, 0] - state[LENS + CX]) / len(problem.image)
-        my += (problem.image[i, 1] - state[LENS + CY]) / len(problem.image)
-    radius_px = math.sqrt(mx * mx + my * my) + 1e-6 * problem.corner_px
-    focal_px = problem.corner_px / half_fov_rad
-    tx, ty, tz = state[TRANSLATION], state[TRANSLATION + 1], state[TRANSLATION + 2]
-    distance = math.sqrt(tx * tx + ty * ty + tz * tz)
-    ax, ay, az = tx / distance, ty / distance, tz / distance
-    angle = radius_px / focal_px
-    sine = math.sin(angle)
-    bx, by, bz = mx / radius_px * sine, my / radius_px * sine, math.cos(angle)
-    # The size across the ray stays the same.
-    sine_before = math.sqrt(ax * ax + ay * ay)
-    at_axis = focal_px * math.exp(-state[LENS + LOG_FOCAL])
-    distance *= sine_before / sine if sine_before > 0.05 and sine > 0.05 else at_axis
-    # The rotation that maps a to b: for ``rotate``, twice the tangent of half the angle.
-    scale = 2.0 / max(1.0 + ax * bx + ay * by + az * bz, 0.1)
-    wx, wy, wz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    before = state.copy()
-    rotate(before, scale * wx, scale * wy, scale * wz, state)
-    state[TRANSLATION], state[TRANSLATION + 1] = distance * bx, distance * by
-    state[TRANSLATION + 2] = distance * bz
-    square = half_fov_rad * half_fov_rad
-    state[LENS + LOG_FOCAL] = math.log(focal_px)
-    state[LENS + BEND] = -square / 3.0
-    state[LENS + BEND + 1] = -square * square / 45.0
-    state[LENS + BEND + 2] = -2.0 * square * square * square / 945.0
-    set_usual_bends(state, problem)
 
 
 @jit
@@ -516,7 +441,7 @@ def other_focal_excess(
     )
     set_usual_bends(other, held)
     noise, target = Noise(variance, False, 0.0), cost + 0.5 * enough
-    descend(other, held, noise, Gate(_WIDE * limit, False), _START_STEPS, target, work)
+    descend(other, held, noise, Gate(WIDE * limit, False), START_STEPS, target, work)
     descend(other, held, noise, Gate(limit, False), _HELD_STEPS, target, work)
     write_squares(other, problem, work)
     return chi2_of(other, problem, variance, limit, work) - cost

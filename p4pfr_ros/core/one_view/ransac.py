@@ -8,6 +8,16 @@ Draw four points, solve, score by the truncated squared error (MSAC; Torr and Zi
 refine each new best model by least squares over the same truncated error (LO; Chum, Matas and
 Kittler 2003), and stop when a better sample is unlikely. Samples are drawn without replacement;
 nearly collinear ones are drawn again.
+
+A consensus is accepted only if it is more than chance, judged a contrario (Moisan and Stival, IJCV
+2004). Suppose that the N image points are uniform in an area A. A model that four of them define
+has a given other point within the threshold t with probability α = π t² / A. The expected number
+of sets of k inliers, over all sizes, all sets and all fours that may define the model, is
+
+    NFA(k) = (N - 4) C(N, k) C(k, 4) α^(k - 4) = (N - 4) C(N, 4) C(N - 4, k - 4) α^(k - 4).
+
+NFA(4) is more than one, and NFA(k + 1) / NFA(k) = α (N - k) / (k - 3) decreases with k, so the NFA
+is below a bound from one k on.
 """
 
 from __future__ import annotations
@@ -57,6 +67,15 @@ _REDRAWS = 20
 
 # A triangle with a smaller share of the largest one's area may be turned over by the distortion.
 _FLAT_SHARE = 0.1
+
+# Number of samples of four points, each with four triangles, that tell the order of the points. It
+# is mirrored if more than this share of the triangles is; outliers turn half of theirs. If fewer
+# are, the search finds the inliers, and the pose decides.
+_ORDER_SAMPLES = 16
+_CLEAR = 0.9
+
+# Largest expected number of sets of inliers by chance.
+_MAX_EXPECTED = 1e-3
 
 
 class Search(NamedTuple):
@@ -255,4 +274,72 @@ def _triangle(points: Array, chosen: Ints, left_out: int) -> float:
     b = points[chosen[(left_out + 2) % 4]]
     c = points[chosen[(left_out + 3) % 4]]
     area: float = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    return area
+
+
+@jit
+def is_mirrored(image: Array, board: Array, limit: float) -> bool:
+    """
+    Return whether the points are clearly in a mirrored order, as the back of the board has them.
+
+    image (N, 2) px, y down; board (N, 2), y up; limit: the squared threshold of inliers, px².
+    """
+    smallest = smallest_triangles(board, limit)
+    state = first_state(0)
+    chosen = np.empty(4, dtype=np.int64)
+    mirrored = total = 0
+    for _ in range(1 if len(image) == 4 else _ORDER_SAMPLES):
+        state = draw_sample(image, board, smallest, state, chosen)
+        for i in range(4):
+            a, b, c = chosen[i], chosen[(i + 1) % 4], chosen[(i + 2) % 4]
+            in_image, on_board = _signed_area(image, a, b, c), _signed_area(board, a, b, c)
+            # Noise may turn a smaller triangle.
+            if abs(in_image) > smallest[0] and abs(on_board) > smallest[1]:
+                total += 1
+                mirrored += 1 if (in_image > 0.0) == (on_board > 0.0) else 0
+    return mirrored > _CLEAR * total
+
+
+@jit
+def _signed_area(points: Array, a: int, b: int, c: int) -> float:
+    """Return twice the signed area of a triangle."""
+    area: float = (points[b, 0] - points[a, 0]) * (points[c, 1] - points[a, 1]) - (
+        points[b, 1] - points[a, 1]
+    ) * (points[c, 0] - points[a, 0])
+    return area
+
+
+@jit
+def fewest_inliers(image: Array, threshold_px: float, max_area: float, at_least: int) -> int:
+    """
+    Return the smallest number of inliers that is accepted; all points together always are.
+
+    image (N, 2) px; max_area: the image's area, px², which the points' bounding box is limited
+    to; at_least: the minimum for other reasons.
+    """
+    n = len(image)
+    alpha = math.pi * threshold_px * threshold_px / _bounding_area(image, threshold_px, max_area)
+    k = min(max(at_least, 4), n)
+    # The logarithm of the NFA, with m! = Γ(m + 1) and C(N, 4) C(N - 4, k - 4) in one.
+    log_expected = math.log(max(n - 4, 1)) + math.lgamma(n + 1.0) - math.log(24.0)
+    log_expected -= math.lgamma(k - 3.0) + math.lgamma(n - k + 1.0)
+    log_expected += (k - 4) * math.log(alpha)
+    while k < n and log_expected > math.log(_MAX_EXPECTED):
+        log_expected += math.log(alpha * (n - k) / (k - 3.0))
+        k += 1
+    return k
+
+
+@jit
+def _bounding_area(image: Array, threshold_px: float, max_area: float) -> float:
+    """Return the area of the points' bounding box, px², at least that of a square of 2 t."""
+    low_x = high_x = image[0, 0]
+    low_y = high_y = image[0, 1]
+    for i in range(1, len(image)):
+        low_x = min(low_x, image[i, 0])
+        high_x = max(high_x, image[i, 0])
+        low_y = min(low_y, image[i, 1])
+        high_y = max(high_y, image[i, 1])
+    smallest = 4.0 * threshold_px * threshold_px
+    area: float = max(min((high_x - low_x) * (high_y - low_y), max_area), smallest)
     return area

@@ -64,7 +64,8 @@ class PosePipeline:
             for board in self._inputs.boards.values():
                 if board.turns:
                     logger.warning(symmetry_note(board.name, board.turns))
-            self._turned_boards = TurnedBoards()
+            symmetric = any(board.turns for board in self._inputs.boards.values())
+            self._turned_boards = TurnedBoards() if symmetric else None
             self._driver = CameraInfoSetter(logger, self._lasting, options.set_camera_info_service)
             self._keeper = CalibrationKeeper(logger, self._driver, options)
             config.guard(self._check_fixed_camera)
@@ -166,8 +167,9 @@ class PosePipeline:
         received_s: float,
         estimate: PoseEstimate,
     ) -> None:
-        published = self._turned_boards.resolve(observation, estimate)
-        self._outputs.publish_pose(*published, options)
+        if self._turned_boards is not None:
+            observation, estimate = self._turned_boards.resolve(observation, estimate)
+        self._outputs.publish_pose(observation, estimate, options)
         reason = self._check.reason if estimate.status is Status.MISFIT else ''
         # A symmetric board is not ambiguous in this view alone: it was said at the start.
         self._reporter.estimated(observation.stamp_ns, estimate, received_s, reason)

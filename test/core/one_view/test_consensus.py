@@ -7,8 +7,7 @@ from math import lgamma, log, log10, pi
 
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Status
-from p4pfr_ros.core.one_view.consensus import fewest_inliers
-from p4pfr_ros.core.one_view.ransac import samples_needed
+from p4pfr_ros.core.one_view.ransac import fewest_inliers, samples_needed
 from p4pfr_ros.scenes.camera_views import board_grid, draw_camera_view
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import draw_view

@@ -8,7 +8,7 @@ from errors import project_board
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose, Status, Verdict
 from p4pfr_ros.core.one_view import estimate_pose as module
-from p4pfr_ros.core.one_view.point_order import is_mirrored, shows_back
+from p4pfr_ros.core.one_view.ransac import is_mirrored
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import draw_view
 import pytest
@@ -73,7 +73,7 @@ def test_a_mirrored_order_is_seen_from_behind(name, known, options, vote, monkey
 def test_the_right_order_has_a_pose_that_faces_the_camera(name, known, options):
     estimate = estimate_pose(*view_of(name, mirrored=False), options=options, **known)
     poses = [s.camera_from_board for s in (estimate.model, *estimate.alternatives)]
-    assert not any(map(shows_back, poses))
+    assert not any(pose.shows_back for pose in poses)
     assert estimate.model.camera_from_board.tilt_deg < 90.0
 
 
@@ -82,7 +82,7 @@ def test_the_right_order_has_a_pose_that_faces_the_camera(name, known, options):
 def test_a_two_sided_board_may_be_seen_from_behind(name, known):
     options = EstimateOptions(two_sided=True)
     estimate = estimate_pose(*view_of(name, mirrored=True), options=options, **known)
-    assert shows_back(estimate.model.camera_from_board)
+    assert estimate.model.camera_from_board.shows_back
 
 
 @over_cameras
