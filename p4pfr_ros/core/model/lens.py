@@ -39,7 +39,8 @@ COLUMNS = RESIDUAL + 1
 # Newton's method for s with two or three terms. It starts at 1 / Z near the axis (ρ² / Z² below
 # the limit), elsewhere at the observed pixel.
 _NEWTON_STEPS = 10
-_CONVERGED = 1e-14
+# It ends after a step this small, relative: it converges quadratically.
+_CONVERGED = 1e-9
 _NEAR_AXIS = 0.01
 
 

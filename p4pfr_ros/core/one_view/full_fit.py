@@ -69,10 +69,11 @@ _STEPS, _LAST_STEPS = 8, 60
 
 # The fit ends when the measured variance of the noise changes by less than this share.
 _ROUNDS = 6
-_SAME_NOISE = 0.02
+_SAME_NOISE = 0.05
 
 # With another focal length: number of steps, and the information that holds its logarithm.
 _HELD_STEPS = 8
+_HOPELESS = 20.0
 _HELD = 1e10
 
 # How often a known camera's view gets larger deviations, and how much larger in all.
@@ -259,7 +260,7 @@ def _fit(
     """
     threshold2, measured = rules.threshold2, rules.sigma_px == 0.0
     variance = max(start_variance, SMALLEST_SIGMA_PX**2) if measured else rules.sigma_px**2
-    noise = Noise(variance, measured, float(min(len(problem.active), POSE_COLUMNS + 2)))
+    noise = Noise(variance, measured, POSE_COLUMNS + 0.4 * (len(problem.active) - POSE_COLUMNS))
     gate = Gate(threshold2, True)
     set_usual_bends(state, problem)
     found = descend(state, problem, noise, gate, _STEPS, 0.0, work)
@@ -270,11 +271,20 @@ def _fit(
         improve_start(state, problem, fixed, threshold2, work)
     if improves or not found.converged:
         found = descend(state, problem, noise, gate, _LAST_STEPS, 0.0, work)
-    if GATE_SIGMAS**2 * found.variance > threshold2:
+    if _any_between(work.squares, threshold2, GATE_SIGMAS**2 * found.variance):
         noise = Noise(found.variance, measured, noise.determined)
         gate = Gate(threshold2, False)
         found = descend(state, problem, noise, gate, _LAST_STEPS, 0.0, work)
     return _finish(state, problem, found, noise, threshold2, work)
+
+
+@kernel
+def _any_between(squares: Array, low: float, high: float) -> bool:
+    """Return whether any square is as large as the first limit, but below the second."""
+    found = False
+    for square in squares:
+        found = found or low <= square < high
+    return found
 
 
 @jit
@@ -442,6 +452,9 @@ def other_focal_excess(
     set_usual_bends(other, held)
     noise, target = Noise(variance, False, 0.0), cost + 0.5 * enough
     descend(other, held, noise, Gate(WIDE * limit, False), START_STEPS, target, work)
+    excess = chi2_of(other, problem, variance, limit, work) - cost
+    if excess > _HOPELESS * enough:
+        return excess
     descend(other, held, noise, Gate(limit, False), _HELD_STEPS, target, work)
     write_squares(other, problem, work)
     return chi2_of(other, problem, variance, limit, work) - cost
