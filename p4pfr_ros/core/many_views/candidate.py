@@ -10,9 +10,11 @@ residuals of a view with the fit's camera, its information about the lens, and i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,15 +29,17 @@ from ..model.lens import (
     COLUMNS,
     CX,
     CY,
+    FOCAL,
     lens_from_camera,
     POSE_COLUMNS,
     RESIDUAL,
     squared_error,
 )
 from ..model.observation import CenteredView
+from ..model.uncertainty import COV_FOCAL, sigma_at
 from ..one_view.describe import FoundPoses
 from ..one_view.estimate_pose import estimate_observation, search_poses
-from ..one_view.full_estimate import FullViewProblem, lens_contrast, LensContrast
+from ..one_view.full_estimate import FullViewProblem
 from ..one_view.results import EstimateOptions, PoseEstimate, without_deviations
 
 # A view agrees without further tests if this share of its points are inliers, and their mean
@@ -60,6 +64,41 @@ _FAR, _FAR_SIGMAS = 0.15, 4.0
 def disagrees(excess: float, points: int, fit: JointFit) -> bool:
     """Return whether the excess cost, px², of a view with the fit's camera is significant."""
     return excess > (_LARGEST_CHI2 * fit.scatter + _MODEL_SHARE * points) * fit.variance
+
+
+class LensContrast(NamedTuple):
+    """
+    A view with a known camera against the same view with a camera of its own.
+
+    excess: by how much chi-square is larger with the known camera; log_ratio: of the own focal
+    length to the known one, and sigma, its standard deviation.
+    """
+
+    excess: float
+    log_ratio: float
+    sigma: float
+
+
+def lens_contrast(
+    known: FullViewProblem, row: Array, free: FullViewProblem, rows: Sequence[Array]
+) -> LensContrast:
+    """
+    Compare a known camera with a free one; both with deviations of their usual sizes.
+
+    row, rows: where the fits start.
+    """
+    of_known, of_free = known.best_fit([row]), free.best_fit(rows)
+    variance = min(of_known.numbers.variance, of_free.numbers.variance)
+    limit = known.options.threshold_px**2
+    first, second = (
+        float(np.minimum(fit.squares, limit).sum()) / variance + fit.numbers.prior_chi2
+        for fit in (of_known, of_free)
+    )
+    focal_px = float(of_free.lens[FOCAL])
+    log_ratio = math.log(focal_px / float(of_known.lens[FOCAL]))
+    return LensContrast(
+        first - second, log_ratio, sigma_at(of_free.covariance, COV_FOCAL) / focal_px
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,6 +56,10 @@ _ROUGHLY = 0.3
 # the noise.
 GATE_SIGMAS = 4.0
 
+# A gate that follows the noise grows at most to this multiple (squares): many outliers would
+# otherwise pass for noise, and open it for more.
+_WIDEST_GATE = 4.0
+
 # Lower limit of the measured noise, px. The corners of photographs share errors (blur, sampling)
 # that their residuals do not show.
 SMALLEST_SIGMA_PX = 0.1
@@ -215,7 +219,9 @@ def descend(
 @kernel
 def _limit(gate: Gate, variance: float) -> float:
     """Return the squared error beyond which a point is an outlier, px²."""
-    return max(gate.limit, GATE_SIGMAS**2 * variance) if gate.follows else gate.limit
+    if not gate.follows:
+        return gate.limit
+    return min(max(gate.limit, GATE_SIGMAS**2 * variance), _WIDEST_GATE * gate.limit)
 
 
 @kernel

@@ -71,6 +71,7 @@ _FEW_STEPS = 3
 
 # A focal length with a smaller relative standard deviation needs no likelihood test, and the view
 # has no other optimum (in 3,000 drawn views those had 10 % or more).
+_MOST_INLIERS = 0.8
 _CERTAIN, _CERTAIN_OF_FOUR = 0.07, 0.03
 # Where half the focal length raises chi-square by more, so does its double (more than four points;
 # in 600 drawn views of which the double fitted 23, half did so too, or raised it by less than 20).
@@ -140,7 +141,7 @@ class FullViewProblem(ViewProblem):
         summary = self._assess(row, problem, search, arrays, _FEW_STEPS)
         given = self._given(row)
         fits = self._fits([row], given)
-        if later and any(_focal_share(fit) >= _CERTAIN for fit in fits):
+        if later and not (fits and self._is_certain(fits[0])):
             search = True
             summary = self._assess(row, problem, search, arrays, 0)
         if search:
@@ -156,6 +157,11 @@ class FullViewProblem(ViewProblem):
         """Return the result of the full fits that start from rows (≥ 14,), at least one."""
         given = self._given(rows[0])
         return self._result(self._fits(rows, given), given, status, iterations)
+
+    def _is_certain(self, fit: _Fit) -> bool:
+        """Return whether a view has no other optimum: an accurate focal length, few outliers."""
+        inliers = np.count_nonzero(fit.squares < self.options.threshold_px**2)
+        return bool(_focal_share(fit) < _CERTAIN and inliers >= _MOST_INLIERS * len(fit.squares))
 
     def _fits(self, rows: Iterable[Array], given: FullProblem) -> list[_Fit]:
         return [self._fit(start, given) for start in self._starts(rows)]
@@ -375,41 +381,6 @@ class FullViewProblem(ViewProblem):
 def lens_of_camera(camera: DivisionCamera) -> Array:
     """Return the lens (6,) of a camera, relative to its own centre."""
     return np.array([camera.focal_px, 0.0, 0.0, camera.k, camera.k2, camera.k3])
-
-
-class LensContrast(NamedTuple):
-    """
-    A view with a known camera against the same view with a camera of its own.
-
-    excess: by how much chi-square is larger with the known camera; log_ratio: of the own focal
-    length to the known one, and sigma, its standard deviation.
-    """
-
-    excess: float
-    log_ratio: float
-    sigma: float
-
-
-def lens_contrast(
-    known: FullViewProblem, row: Array, free: FullViewProblem, rows: Sequence[Array]
-) -> LensContrast:
-    """
-    Compare a known camera with a free one; both with deviations of their usual sizes.
-
-    row, rows: where the fits start.
-    """
-    of_known, of_free = known.best_fit([row]), free.best_fit(rows)
-    variance = min(of_known.numbers.variance, of_free.numbers.variance)
-    limit = known.options.threshold_px**2
-    first, second = (
-        float(np.minimum(fit.squares, limit).sum()) / variance + fit.numbers.prior_chi2
-        for fit in (of_known, of_free)
-    )
-    focal_px = float(of_free.lens[FOCAL])
-    log_ratio = math.log(focal_px / float(of_known.lens[FOCAL]))
-    return LensContrast(
-        first - second, log_ratio, sigma_at(of_free.covariance, COV_FOCAL) / focal_px
-    )
 
 
 def _known_lens(

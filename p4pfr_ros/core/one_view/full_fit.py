@@ -137,30 +137,15 @@ def fit_view(
     Write the state (25,), the lens (6,), the squared errors (N,), px², and the covariance (8, 8)
     of x, y, z, rotation x, y, z, focal_px, k. board_scale: see ``Observation``.
     """
-    problem = FullProblem(
-        given.image,
-        given.board,
-        given.corner_px,
-        given.mean,
-        given.information.copy(),
-        given.usual,
-        given.sizes.copy(),
-        given.active,
-    )
+    problem = _own(given)
     work = full_work(len(problem.image))
     state_from(start, start[POSE_SIZE:], problem.corner_px, state)
-    variance, dof = _fit(state, problem, rules, SMALLEST_SIGMA_PX**2, work)
-    if rules.widens:
-        variance, dof = _widen(state, problem, rules, variance, dof, work)
+    variance, dof = _fit_widened(state, problem, rules, work)
     lens_of(state, problem.corner_px, lens)
     squares[:] = work.squares
     _public_covariance(state, problem, board_scale, work, covariance)
-    farthest2 = 0.0
-    for i in range(len(problem.image)):
-        x, y = problem.image[i, 0] - lens[CX], problem.image[i, 1] - lens[CY]
-        farthest2 = max(farthest2, x * x + y * y)
     corner_rad, _ = _half_field(lens, problem.corner_px)
-    seen_rad, seen_bend = _half_field(lens, math.sqrt(farthest2))
+    seen_rad, seen_bend = _half_field(lens, _farthest_px(problem.image, lens))
     bend_share, by_center, by_lens, by_others = _prior_shares(problem, work)
     return FullFit(
         prior_chi2(state, problem),
@@ -208,6 +193,31 @@ def _prior_shares(problem: FullProblem, work: FullWork) -> tuple[float, float, f
     return bend_share, by_center, by_lens, by_others
 
 
+@jit
+def _own(given: FullProblem) -> FullProblem:
+    """Return the problem with copies of what a fit changes: priors on bends, sizes."""
+    return FullProblem(
+        given.image,
+        given.board,
+        given.corner_px,
+        given.mean,
+        given.information.copy(),
+        given.usual,
+        given.sizes.copy(),
+        given.active,
+    )
+
+
+@kernel
+def _farthest_px(image: Array, lens: Array) -> float:
+    """Return the distance of the farthest point from the centre."""
+    farthest2 = 0.0
+    for i in range(len(image)):
+        x, y = image[i, 0] - lens[CX], image[i, 1] - lens[CY]
+        farthest2 = max(farthest2, x * x + y * y)
+    return math.sqrt(farthest2)
+
+
 @kernel
 def _half_field(lens: Array, radius_px: float) -> tuple[float, float]:
     """Return angle to the axis, radians, and bend of the ray at a distance from the centre."""
@@ -217,22 +227,18 @@ def _half_field(lens: Array, radius_px: float) -> tuple[float, float]:
 
 
 @jit
-def _widen(
-    state: Array,
-    problem: FullProblem,
-    rules: Rules,
-    variance: float,
-    dof: float,
-    work: FullWork,
+def _fit_widened(
+    state: Array, problem: FullProblem, rules: Rules, work: FullWork
 ) -> tuple[float, float]:
     """
-    Fit again with larger deviations, in place, while the fit asks for more than it was allowed.
+    Fit in place, with larger deviations while the fit asks for more than it was allowed.
 
     A view that deviates more than usual (a bent print, a faster motion) then has the covariance
     that its own misfit asks for.
     """
+    variance, dof = _fit(state, problem, rules, SMALLEST_SIGMA_PX**2, work)
     grown = 1.0
-    for _ in range(_WIDENINGS):
+    for _ in range(_WIDENINGS if rules.widens else 0):
         total, count = 0.0, 0
         for i in range(DEVIATIONS):
             if problem.sizes[i] > 0.0:
@@ -268,7 +274,7 @@ def _fit(
     improves = problem.usual > 0.0 and (is_off or not found.converged)
     if improves:
         fixed = Noise(max(found.variance, 1.0) if is_off else found.variance, False, 0.0)
-        improve_start(state, problem, fixed, threshold2, work)
+        _try_other_start(state, problem, fixed, noise, gate, work)
     if improves or not found.converged:
         found = descend(state, problem, noise, gate, _LAST_STEPS, 0.0, work)
     if _any_between(work.squares, threshold2, GATE_SIGMAS**2 * found.variance):
@@ -276,6 +282,24 @@ def _fit(
         gate = Gate(threshold2, False)
         found = descend(state, problem, noise, gate, _LAST_STEPS, 0.0, work)
     return _finish(state, problem, found, noise, threshold2, work)
+
+
+@jit
+def _try_other_start(
+    state: Array, problem: FullProblem, fixed: Noise, noise: Noise, gate: Gate, work: FullWork
+) -> None:
+    """Fit from another start, too; replace the state if that is better, outliers truncated."""
+    other = state.copy()
+    improve_start(other, problem, fixed, gate.limit, work)
+    found = descend(other, problem, noise, gate, _LAST_STEPS, 0.0, work)
+    before = descend(state, problem, noise, gate, _LAST_STEPS, 0.0, work)
+    variance = min(found.variance, before.variance)
+    cost = chi2_of(state, problem, variance, gate.limit, work)
+    write_squares(other, problem, work)
+    set_usual_bends(other, problem)
+    if chi2_of(other, problem, variance, gate.limit, work) < cost:
+        state[:] = other
+    set_usual_bends(state, problem)
 
 
 @kernel

@@ -167,9 +167,10 @@ class PosePipeline:
         received_s: float,
         estimate: PoseEstimate,
     ) -> None:
+        published = observation, estimate
         if self._turned_boards is not None:
-            observation, estimate = self._turned_boards.resolve(observation, estimate)
-        self._outputs.publish_pose(observation, estimate, options)
+            published = self._turned_boards.resolve(observation, estimate)
+        self._outputs.publish_pose(*published, options)
         reason = self._check.reason if estimate.status is Status.MISFIT else ''
         # A symmetric board is not ambiguous in this view alone: it was said at the start.
         self._reporter.estimated(observation.stamp_ns, estimate, received_s, reason)
