@@ -5,7 +5,7 @@
 
 import dataclasses
 
-from calibration_views import calibrate, draw_views, seeded_camera
+from calibration_views import calibrate, compiled_only, draw_views, seeded_camera
 from extremes import BOARD, CAMERA, IMAGE, SIZE, survives, VALUES, with_number
 import numpy as np
 from p4pfr_ros import (
@@ -182,6 +182,7 @@ def test_the_minimal_solver(value):
             survives(solve_p4pfr_batch, *(each[None] for each in points))
 
 
+@compiled_only
 @over_values
 def test_self_calibration(value):
     """After any view the next good one has a pose; a calibrated camera stays as it is."""
@@ -204,6 +205,7 @@ def test_self_calibration(value):
     assert np.isclose(estimate.model.camera_from_board.distance, distance, rtol=0.05)
 
 
+@compiled_only
 @over_values
 def test_a_loaded_calibration(value):
     camera = {'focal_px': 520.0, 'center_px': CENTER, 'k': -0.2, 'k2': 0.0, 'k3': 0.0}
