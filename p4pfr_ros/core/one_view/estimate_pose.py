@@ -152,7 +152,8 @@ def estimate_observation(
         problem = FullViewProblem(view, camera, options, center_known)
     four = len(view.image) == 4
     estimate = _estimate_from_four(problem) if four else _estimate_from_many(problem)
-    return _of_visible_side(estimate, options)
+    # Full fits that show the back have been dropped.
+    return estimate if options.has_deviations else _of_visible_side(estimate, options)
 
 
 def search_poses(

@@ -45,7 +45,7 @@ _AS_EXPECTED = 0.8
 
 # Converged: the next step would lower chi-square by less than the first, and by a small share of
 # the step before. In a curved valley many small gains may follow each other.
-_TOLERANCE = 0.01
+_TOLERANCE = 0.04
 _QUICKLY = 0.1
 _SMALL_GAIN, _NO_GAIN = 0.1, 1e-5
 

@@ -13,7 +13,7 @@ This module stands alone because `estimate_pose` is complete without it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import functools
 import math
 from typing import NamedTuple
@@ -71,7 +71,6 @@ _FEW_STEPS = 3
 
 # A focal length with a smaller relative standard deviation needs no likelihood test, and the view
 # has no other optimum (in 3,000 drawn views those had 10 % or more).
-_MOST_INLIERS = 0.8
 _CERTAIN, _CERTAIN_OF_FOUR = 0.07, 0.03
 # Where half the focal length raises chi-square by more, so does its double (more than four points;
 # in 600 drawn views of which the double fitted 23, half did so too, or raised it by less than 20).
@@ -141,7 +140,7 @@ class FullViewProblem(ViewProblem):
         summary = self._assess(row, problem, search, arrays, _FEW_STEPS)
         given = self._given(row)
         fits = self._fits([row], given)
-        if later and not (fits and self._is_certain(fits[0])):
+        if later and not (fits and _focal_share(fits[0]) < _CERTAIN):
             search = True
             summary = self._assess(row, problem, search, arrays, 0)
         if search:
@@ -157,11 +156,6 @@ class FullViewProblem(ViewProblem):
         """Return the result of the full fits that start from rows (≥ 14,), at least one."""
         given = self._given(rows[0])
         return self._result(self._fits(rows, given), given, status, iterations)
-
-    def _is_certain(self, fit: _Fit) -> bool:
-        """Return whether a view has no other optimum: an accurate focal length, few outliers."""
-        inliers = np.count_nonzero(fit.squares < self.options.threshold_px**2)
-        return bool(_focal_share(fit) < _CERTAIN and inliers >= _MOST_INLIERS * len(fit.squares))
 
     def _fits(self, rows: Iterable[Array], given: FullProblem) -> list[_Fit]:
         return [self._fit(start, given) for start in self._starts(rows)]
@@ -180,8 +174,8 @@ class FullViewProblem(ViewProblem):
             fits = [fit for fit in fits if self._plausible(fit)]
         if not fits:
             return no_estimate(Status.NO_SOLUTION, n, iterations)
-        limit, fewest = options.threshold_px**2, self.fewest_inliers
-        fits = [fit for fit in fits if np.count_nonzero(fit.squares < limit) >= fewest]
+        if any(fit.numbers.inliers < n for fit in fits):
+            fits = [fit for fit in fits if fit.numbers.inliers >= self.fewest_inliers]
         if not fits:
             return no_estimate(Status.NO_CONSENSUS, n, iterations)
         if not options.two_sided:
@@ -190,15 +184,15 @@ class FullViewProblem(ViewProblem):
             return no_estimate(Status.SEEN_FROM_BEHIND, n, iterations)
         ranked = self._ranked(fits)
         best, alternatives = ranked[0][1], [fit for _, fit in ranked[1:]]
-        inliers = best.squares < limit
-        observable = self._observable(best, given)
+        model = self._model(best)
+        observable = self._observable(best, given, model.camera_from_board)
         if alternatives:
             self._include_alternatives(ranked)
         return PoseEstimate(
-            model=self._model(best),
+            model=model,
             status=_status(status, observable),
-            inliers=inliers,
-            rms_px=math.sqrt(best.squares[inliers].mean()),
+            inliers=best.squares < options.threshold_px**2,
+            rms_px=math.sqrt(best.numbers.total / best.numbers.inliers),
             iterations=iterations,
             covariance=mark_undetermined(best.covariance, observable),
             alternatives=tuple(self._model(other) for other in alternatives),
@@ -244,6 +238,7 @@ class FullViewProblem(ViewProblem):
             math.inf if exact else options.threshold_px**2,
             options.sigma_px or (self.noise_px if n < _FEWEST_TO_MEASURE else 0.0),
             widens and self.camera is not None and not exact,
+            options.threshold_px**2,
         )
         scale = view.observation.board_scale
         numbers = fit_view(start, given, rules, scale, state, lens, squares, covariance)
@@ -260,7 +255,7 @@ class FullViewProblem(ViewProblem):
         return (
             # Written so that NaN is not plausible.
             numbers.lens_chi2 < _LARGEST_LENS_CHI2
-            and bool(np.isfinite(fit.lens).all())
+            and math.isfinite(float(fit.lens.sum()))
             and 2.0 * math.degrees(numbers.corner_rad) >= options.min_fov_deg
             and 2.0 * math.degrees(numbers.seen_rad) <= options.max_fov_deg
             and abs(numbers.seen_bend) <= options.max_distortion
@@ -302,23 +297,20 @@ class FullViewProblem(ViewProblem):
             off[COV_K] = fit.lens[K] - best.lens[K]
             best.covariance[:] += weight / weights.sum() * np.outer(off, off)
 
-    def _observable(self, fit: _Fit, given: FullProblem) -> Observability:
+    def _observable(self, fit: _Fit, given: FullProblem, pose: Pose) -> Observability:
+        """Return what the view determines; widen the covariance by the likelihood of f."""
         focal_px, covariance = float(fit.lens[FOCAL]), fit.covariance
-        translation = self.view.observation.translation_from_row(fit.state)
-        observable = observability_of(focal_px, translation, covariance, given.corner_px)
+        found = observability_of(focal_px, pose.translation, covariance, given.corner_px)
         if self.camera is not None:
-            return observable
-        if given.usual > 0.0 and observable.distortion:
-            # A sigma that is hardly smaller than the prior's is not from the view.
-            from_view = fit.numbers.bend_share < _FROM_THE_VIEW
-            observable = replace(observable, distortion=from_view)
-        if not observable.focal:
-            return replace(observable, distance=False)
-        largest = self._likely_focal_share(fit, given)
-        if largest > MAX_FOCAL_SHARE:
-            return replace(observable, distance=False, focal=False)
-        widen_focal(fit.covariance, focal_px, largest)
-        return observable
+            return found
+        # A sigma that is hardly smaller than the prior's is not from the view.
+        hardly = given.usual > 0.0 and fit.numbers.bend_share >= _FROM_THE_VIEW
+        distortion = found.distortion and not hardly
+        share = self._likely_focal_share(fit, given) if found.focal else math.inf
+        if share > MAX_FOCAL_SHARE:
+            return Observability(found.direction, False, False, distortion)
+        widen_focal(covariance, focal_px, share)
+        return Observability(found.direction, found.distance, True, distortion)
 
     def _likely_focal_share(self, fit: _Fit, given: FullProblem) -> float:
         """

@@ -38,9 +38,11 @@ from .full_model import (
     DEVIATION,
     DEVIATION_COLUMN,
     DEVIATIONS,
+    farthest_px,
     full_work,
     FullProblem,
     FullWork,
+    half_field,
     LENS,
     lens_chi2,
     LENS_COLUMN,
@@ -55,7 +57,7 @@ from .full_model import (
 from ..geometry import Array, POSE_SIZE, TRANSLATION
 from ..jit import jit, kernel
 from ..linalg import invert_information
-from ..model.lens import CX, CY, FOCAL, K, K2, K3, POSE_COLUMNS
+from ..model.lens import FOCAL, K, POSE_COLUMNS
 from ..model.uncertainty import (
     COV_FOCAL,
     COV_K,
@@ -86,12 +88,14 @@ class Rules(NamedTuple):
     What counts in a fit.
 
     threshold2: points with larger squared errors, px², are outliers; sigma_px: of a coordinate, 0:
-    measured; widens: the sizes of the deviations grow where the view asks for more.
+    measured; widens: the sizes of the deviations grow where the view asks for more; inlier2:
+    points with smaller ones are inliers of the result.
     """
 
     threshold2: float
     sigma_px: float
     widens: bool
+    inlier2: float
 
 
 class FullFit(NamedTuple):
@@ -102,6 +106,7 @@ class FullFit(NamedTuple):
     variance: of the noise, px²; dof: degrees of freedom with which it was measured, 0: given.
     corner_rad, seen_rad: angle to the axis at the image's corner and at the farthest point that
     was seen; seen_bend: bend there.
+    inliers: their number, and total: the sum of their squared errors, px².
     bend_share: variance of the first bend over that of its prior.
     focal_by_center, focal_by_lens, focal_by_others: shares of the focal length's variance that are
     from the priors on the centre, the bends, and the other deviations.
@@ -114,6 +119,8 @@ class FullFit(NamedTuple):
     corner_rad: float
     seen_rad: float
     seen_bend: float
+    inliers: int
+    total: float
     bend_share: float
     focal_by_center: float
     focal_by_lens: float
@@ -144,8 +151,9 @@ def fit_view(
     lens_of(state, problem.corner_px, lens)
     squares[:] = work.squares
     _public_covariance(state, problem, board_scale, work, covariance)
-    corner_rad, _ = _half_field(lens, problem.corner_px)
-    seen_rad, seen_bend = _half_field(lens, _farthest_px(problem.image, lens))
+    corner_rad, _ = half_field(lens, problem.corner_px)
+    seen_rad, seen_bend = half_field(lens, farthest_px(problem.image, lens))
+    inliers, total = _inliers(squares, rules.inlier2)
     bend_share, by_center, by_lens, by_others = _prior_shares(problem, work)
     return FullFit(
         prior_chi2(state, problem),
@@ -155,11 +163,24 @@ def fit_view(
         corner_rad,
         seen_rad,
         seen_bend,
+        inliers,
+        total,
         bend_share,
         by_center,
         by_lens,
         by_others,
     )
+
+
+@kernel
+def _inliers(squares: Array, limit: float) -> tuple[int, float]:
+    """Return the number and the sum of the squares below a limit."""
+    count, total = 0, 0.0
+    for square in squares:
+        if square < limit:
+            count += 1
+            total += square
+    return count, total
 
 
 @kernel
@@ -206,24 +227,6 @@ def _own(given: FullProblem) -> FullProblem:
         given.sizes.copy(),
         given.active,
     )
-
-
-@kernel
-def _farthest_px(image: Array, lens: Array) -> float:
-    """Return the distance of the farthest point from the centre."""
-    farthest2 = 0.0
-    for i in range(len(image)):
-        x, y = image[i, 0] - lens[CX], image[i, 1] - lens[CY]
-        farthest2 = max(farthest2, x * x + y * y)
-    return math.sqrt(farthest2)
-
-
-@kernel
-def _half_field(lens: Array, radius_px: float) -> tuple[float, float]:
-    """Return angle to the axis, radians, and bend of the ray at a distance from the centre."""
-    q = (radius_px / lens[FOCAL]) ** 2
-    bend = q * (lens[K] + q * (lens[K2] + q * lens[K3]))
-    return math.atan2(math.sqrt(q), 1.0 + bend), bend
 
 
 @jit

@@ -261,6 +261,24 @@ def set_usual_bends(state: Array, problem: FullProblem) -> None:
 
 
 @kernel
+def farthest_px(image: Array, lens: Array) -> float:
+    """Return the distance of the farthest point from the centre."""
+    farthest2 = 0.0
+    for i in range(len(image)):
+        x, y = image[i, 0] - lens[CX], image[i, 1] - lens[CY]
+        farthest2 = max(farthest2, x * x + y * y)
+    return math.sqrt(farthest2)
+
+
+@kernel
+def half_field(lens: Array, radius_px: float) -> tuple[float, float]:
+    """Return angle to the axis, radians, and bend of the ray at a distance from the centre."""
+    q = (radius_px / lens[FOCAL]) ** 2
+    bend = q * (lens[K] + q * (lens[K2] + q * lens[K3]))
+    return math.atan2(math.sqrt(q), 1.0 + bend), bend
+
+
+@kernel
 def lens_chi2(state: Array, problem: FullProblem) -> float:
     """Return the squared deviation of the lens from its prior, in variances."""
     total = 0.0

@@ -10,7 +10,7 @@ infinite variances.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 import enum
 import functools
 import math
@@ -265,6 +265,9 @@ class EstimateOptions:
             raise ValueError('prior_k must come with prior_k_sigma')
 
 
+_QUANTITIES = ('direction', 'distance', 'focal', 'distortion')
+
+
 @dataclass(frozen=True, slots=True)
 class Observability:
     """
@@ -282,7 +285,7 @@ class Observability:
     @property
     def undetermined(self) -> tuple[str, ...]:
         """The names of the quantities that the view does not determine."""
-        return tuple(f.name for f in fields(self) if not getattr(self, f.name))
+        return tuple(name for name in _QUANTITIES if not getattr(self, name))
 
     @property
     def pose(self) -> bool:
