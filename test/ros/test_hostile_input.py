@@ -154,7 +154,10 @@ def test_invalid_messages_are_counted_by_cause_and_valid_ones_are_estimated(node
         seconds.append(node.send_valid())
     causes = [cause for _, cause in REJECTED.values()]
     expected = {c: before.get(c, 0) + causes.count(c) for c in {*before, *causes}}
-    assert node.rejected(node.values()) == expected
+    counted = node.rejected(node.values())
+    while counted != expected and sum(counted.values()) < sum(expected.values()):
+        counted = node.rejected(node.values())  # messages of other topics may come later
+    assert counted == expected
     assert all(node.is_estimated(second) for second in seconds)
     assert not [p for p in node.poses if p.header.stamp.sec == 900]
 
