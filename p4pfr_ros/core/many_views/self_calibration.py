@@ -38,11 +38,13 @@ from ..one_view.results import EstimateOptions, no_estimate, PoseEstimate, Statu
 # than boards that are bent or printed wrongly and rolling shutters do: by the first where one new
 # camera has a focal length this much different, else by the second. And one new camera must fit
 # them about as well as earlier views fitted the previous one, up to this multiple of the noise
-# variance, or by the last lower the chi-square of each view, as nothing else could.
+# variance, or cameras of their own lower the chi-square of most views by the last but one, as
+# nothing else could. One view counts at most the last.
 _CHANGED_FOCAL, _CHANGED = 30.0, 120.0
 _FOCAL_CHANGE = 0.035
 _AS_SHARP = 1.5
 _CHANGED_FOR_SURE = 100.0
+_MOST_OF_ONE = 50.0
 
 # After a view that contradicts a calibrated camera no pose is estimated from so many views: of a
 # camera that has changed, not every view tells.
@@ -306,14 +308,16 @@ class SelfCalibration:
         evidence = self._changes.evidence(self._fit, self._typical)
         # Bent boards and rolling shutters deviate, too, but a camera of its own explains them
         # hardly better.
-        excess = sum(candidate.contrast.excess for candidate in evidence)
+        each = [candidate.contrast.excess for candidate in evidence]
+        # A single view may be an outlier for any reason.
+        excess = sum(min(one, _MOST_OF_ONE) for one in each)
         if not excess > _CHANGED_FOCAL:
             return
         fit = fit_candidates(evidence, self._typical)
         log_ratio = abs(math.log(fit.lens[FOCAL] / self._fit.lens[FOCAL]))
         differs = excess > _CHANGED or log_ratio > _FOCAL_CHANGE
         as_sharp = fit.variance < _AS_SHARP * self._fit.variance
-        if differs and (as_sharp or excess > _CHANGED_FOR_SURE * len(evidence)):
+        if differs and (as_sharp or np.median(each) > _CHANGED_FOR_SURE):
             self._start(None)
             self._accept(fit, self._typical)
             self._verdict = Verdict.RESTARTED
