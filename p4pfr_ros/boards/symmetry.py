@@ -37,7 +37,7 @@ def symmetry_note(name: str, turns: Sequence[Pose]) -> str:
     angles = ', '.join(f'{round(np.degrees(turn.rotation_vector[2])) % 360}' for turn in turns)
     return (
         f'{name}: the board looks the same after a turn of {angles} degrees, so each view has '
-        f'{len(turns) + 1} poses: one is the answer, the others are alternatives. A board with an '
+        f'{len(turns) + 1} poses: one is returned, the others are alternatives. A board with an '
         'even number of columns and an odd number of rows, or the reverse, has one'
     )
 

@@ -5,7 +5,7 @@
 A new view, before it is used, and its evaluation with the camera of the joint fit.
 
 A ``Candidate`` is a new view that may agree with the fit or not. An ``EvaluatedView`` has the
-residuals of a view with the fit's camera, its information about the lens, and its pose covariance.
+residuals of a view with the fit's camera, and its information about the lens.
 """
 
 from __future__ import annotations

@@ -165,7 +165,9 @@ class SelfCalibration:
         Returns
         -------
         The estimate with the fused camera; its covariance includes the camera's. Without a fused
-        camera, or if the view disagrees with it, the estimate from this view alone.
+        camera, the estimate from this view alone. If the view disagrees with the camera: while
+        CALIBRATED, the estimate with a covariance as large as the misfit asks for, or no pose
+        (MISFIT) for this view and the next few; before, the estimate from this view alone.
 
         Raises
         ------
@@ -196,7 +198,7 @@ class SelfCalibration:
         return candidate.estimate_with(candidate.fit, candidate.evaluated.row)
 
     def _estimate(self, candidate: Candidate) -> PoseEstimate:
-        """Return the estimate with the updated camera, or from the view alone if they disagree."""
+        """Return the estimate with the updated camera, from the view alone, or MISFIT."""
         if self.state is CalibrationState.CALIBRATED and candidate.known.rows:
             if self._is_doubtful:
                 status, n = Status.MISFIT, len(candidate.view.image)
