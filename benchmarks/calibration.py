@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Self-calibration in three tables: accuracy, speed, and lenses outside the division model.
+Self-calibration in tables: accuracy, speed, lenses outside the division model, real cameras.
 
-    python -m benchmarks.calibration [--cameras N] [--markdown FILE]
+    [P4PFR_DATA=FOLDER] python -m benchmarks.calibration [--cameras N] [--lensboy-python PATH]
+                                                         [--markdown FILE]
+
+Real cameras, beside OpenCV and lensboy, need P4PFR_DATA: FOLDER/corners contains .npz files.
 """
 
 from __future__ import annotations
@@ -29,11 +32,13 @@ from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import SyntheticView
 from rich.progress import track
 
+from .calibration_real import NOTES, real_tables
 from .calibration_wide import wide_rows
+from .corner_sets import NO_CORNERS, read_corner_sets
 from .tables import Measured, page_of
 
 _CORNER_PX = 0.5 * math.hypot(*IMAGE_SIZE)
-_TIMED_VIEWS = 100
+_KEYFRAMES, _TIMED_VIEWS = 40, 100
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -47,10 +52,23 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         '--markdown', type=Path, metavar='FILE', help='also write the tables to FILE'
     )
+    parser.add_argument(
+        '--lensboy-python',
+        type=Path,
+        metavar='PATH',
+        help='Python of an environment that has lensboy, to compare with it on real cameras',
+    )
     options = parser.parse_args(arguments)
     cv2.setNumThreads(1)
+    sets = read_corner_sets()
     tables = [_errors_table(options.cameras), _time_table(), wide_rows(options.cameras // 10)]
-    text = page_of('Self-calibration, measured', 'python -m benchmarks.calibration', tables)
+    tables += real_tables(sets, options.lensboy_python) if sets else []
+    text = page_of(
+        'Self-calibration, measured',
+        'python -m benchmarks.calibration',
+        tables,
+        NOTES if sets else (NO_CORNERS,),
+    )
     print(text)
     if options.markdown:
         options.markdown.write_text(text)
@@ -104,28 +122,33 @@ def _magnitudes(estimate: DivisionCamera, truth: DivisionCamera) -> Array:
 
 def _time_table() -> Measured:
     """Time updates with a full set of keyframes, and OpenCV on as many views."""
+    small, large = _times_ms(9, 6), _times_ms(22, 22)
+    rows = [(name, *(f'{times_ms[name]:.2f}' for times_ms in (small, large))) for name in small]
+    return 'One update, median CPU time', ('', '54 points, ms', '484 points, ms'), rows
+
+
+def _times_ms(columns: int, rows: int) -> dict[str, float]:
+    """Return the median times with a board of this many points, ms."""
     rng = np.random.default_rng(0)
     camera = DivisionCamera(800.0, (650.0, 470.0), -0.2)
-    views = [draw_camera_view(rng, camera, board_grid(9, 6)) for _ in range(40 + _TIMED_VIEWS)]
+    board = board_grid(columns, rows)
+    views = [draw_camera_view(rng, camera, board) for _ in range(_KEYFRAMES + _TIMED_VIEWS)]
     calibration = SelfCalibration(IMAGE_SIZE)
-    for view in views[:40]:
+    for view in views[:_KEYFRAMES]:
         calibration.update(view.image_points, view.board_points)
     times: dict[Verdict, list[float]] = {Verdict.USED: [], Verdict.REDUNDANT: []}
-    for view in views[40:]:
+    for view in views[_KEYFRAMES:]:
         seconds = _seconds(calibration, view)
-        times[calibration.verdict].append(seconds)
+        times.setdefault(calibration.verdict, []).append(seconds)
     begin = time.process_time()
-    _opencv(views[-40:])
+    _opencv(views[-_KEYFRAMES:])
     opencv = time.process_time() - begin
-    rows = [
-        (name, f'{1e3 * np.median(seconds):.2f}', f'{opencv / np.median(seconds):.0f}')
-        for name, seconds in (
-            ('view added, all 40 views refitted', times[Verdict.USED]),
-            ('redundant view, information kept', times[Verdict.REDUNDANT]),
-            ('cv2.calibrateCamera, 40 views at once', [opencv]),
-        )
-    ]
-    return 'One update, 40 views of 54 points', ('', 'median, ms of CPU', 'speed-up'), rows
+    return {
+        f'view added, all {_KEYFRAMES} views refitted': 1e3
+        * float(np.median(times[Verdict.USED])),
+        'redundant view, information kept': 1e3 * float(np.median(times[Verdict.REDUNDANT])),
+        f'cv2.calibrateCamera, {_KEYFRAMES} views at once': 1e3 * opencv,
+    }
 
 
 def _seconds(calibration: SelfCalibration, view: SyntheticView) -> float:
