@@ -32,7 +32,9 @@ from p4pfr_ros.scenes.instances import IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import SyntheticView
 from rich.progress import track
 
-from .calibration_real import NOTES, real_tables
+from .calibration_orders import halves_table, ORDERS, ORDERS_NOTE, orders_table
+from .calibration_real import REAL_NOTES, real_tables
+from .calibration_rim import RIM_NOTE, rim_table
 from .calibration_wide import wide_rows
 from .corner_sets import NO_CORNERS, read_corner_sets
 from .tables import Measured, page_of
@@ -61,13 +63,19 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     cv2.setNumThreads(1)
     sets = read_corner_sets()
+    few = max(1, options.cameras // 20)
     tables = [_errors_table(options.cameras), _time_table(), wide_rows(options.cameras // 10)]
-    tables += real_tables(sets, options.lensboy_python) if sets else []
+    tables.append(rim_table(sets, few))
+    notes = [RIM_NOTE, NO_CORNERS]
+    if sets:
+        tables += real_tables(sets, options.lensboy_python)
+        tables += [orders_table(sets, ORDERS), halves_table(sets, ORDERS)]
+        notes = [RIM_NOTE, *REAL_NOTES, ORDERS_NOTE]
     text = page_of(
         'Self-calibration, measured',
         'python -m benchmarks.calibration',
         tables,
-        NOTES if sets else (NO_CORNERS,),
+        notes,
     )
     print(text)
     if options.markdown:

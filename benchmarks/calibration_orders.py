@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+import contextlib
 from dataclasses import dataclass
 import inspect
 import itertools
@@ -24,7 +25,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros import CalibrationState, CameraEstimate, SelfCalibration, Verdict
+from p4pfr_ros import CalibrationState, CameraEstimate, PoseEstimate, SelfCalibration, Verdict
 from p4pfr_ros.core.geometry import Array
 from rich.console import Console
 from rich.progress import track
@@ -35,17 +36,26 @@ from .tables import Measured, Row, table_of
 # Under this name the shape of the board is estimated.
 BOARD = 'board'
 
+ORDERS = 10
+ORDERS_NOTE = (
+    'Orders: views of each set in random orders. Lost: a camera (CALIBRATED) before a view and '
+    'none (another state) after it. Halves: two cameras from different views; z is their '
+    'difference in units of the standard deviation that they state for it. Random halves are not '
+    'independent of each other.'
+)
+
 _SEED = 0
 _SIGMAS = 3.0
 _WIDTH = 190
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Run:
     """
     One calibration, view by view: after each the state, verdict, camera (or None) and CPU time.
 
-    calibration: as it is after the last view. raised: how many updates raised an exception.
+    estimates: of the pose of each view, as update returned it; None if it raised an exception.
+    calibration: as it is after the last view.
     """
 
     calibration: SelfCalibration
@@ -53,7 +63,7 @@ class Run:
     verdicts: list[Verdict]
     cameras: list[CameraEstimate | None]
     seconds: list[float]
-    raised: int = 0
+    estimates: list[PoseEstimate | None]
 
     @property
     def lost_cameras(self) -> int:
@@ -91,7 +101,7 @@ def main(arguments: list[str] | None = None) -> int:
         prog='python -m benchmarks.calibration_orders', description=__doc__.split('\n\n')[0]
     )
     parser.add_argument(
-        '--orders', type=int, default=10, help='random orders and splits; default: %(default)s'
+        '--orders', type=int, default=ORDERS, help='random orders and splits; default: %(default)s'
     )
     parser.add_argument(
         '--sets', nargs='+', choices=NAMES, default=NAMES, metavar='NAME', help='default: all'
@@ -110,18 +120,18 @@ def main(arguments: list[str] | None = None) -> int:
 def calibrate(corners: CornerSet) -> Run:
     """Run self-calibration over the views of a set, in their order."""
     calibration = SelfCalibration(corners.image_size)
-    run = Run(calibration, [], [], [], [])
+    run = Run(calibration, [], [], [], [], [])
     for i, view in enumerate(corners.views):
         board_points = corners.board_points[view.ids]
+        estimate: PoseEstimate | None = None
         begin = time.process_time()
-        try:
-            calibration.update(view.image_points, board_points, i, **_board_name())
-        except ValueError:  # a defect, which the table counts
-            run.raised += 1
+        with contextlib.suppress(ValueError):  # a defect, which the table counts
+            estimate = calibration.update(view.image_points, board_points, i, **_board_name())
         run.seconds.append(time.process_time() - begin)
         run.states.append(calibration.state)
         run.verdicts.append(calibration.verdict)
         run.cameras.append(calibration.fused)
+        run.estimates.append(estimate)
     return run
 
 
@@ -171,7 +181,7 @@ def _orders_row(corners: CornerSet, orders: int) -> Row:
         f'{sum(run.states[-1] is CalibrationState.CALIBRATED for run in runs)} of {len(runs)}',
         f'{sum(run.lost_cameras for run in runs)} / {sum(run.lost_calibrated for run in runs)}',
         str(verdicts.count(Verdict.RESTARTED)),
-        str(sum(run.raised for run in runs)),
+        str(sum(run.estimates.count(None) for run in runs)),
         f'{verdicts.count(Verdict.OUTLIER)} of {len(verdicts)}',
         f'{_largest(spread[:, 0])} / {_largest(spread[:, 1:])}',
         _largest(np.array(at_first)),

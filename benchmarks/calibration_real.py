@@ -23,7 +23,7 @@ from .calibration_methods import Fit, Method, methods, opencv_poses
 from .corner_sets import CornerSet
 from .tables import Measured, Row
 
-NOTES = (
+REAL_NOTES = (
     'Real cameras: corners in public photographs, found by the detector of this project, from '
     '`P4PFR_DATA`; all methods get the same. Cross-validated rms: the camera is fitted to every '
     'second view (by SelfCalibration and lensboy with the shape of the board); with both kept, '
@@ -84,7 +84,7 @@ def _cross_validated(method: Method, corners: CornerSet, start: Array) -> float:
     everything = np.arange(len(corners.views))
     even, odd = everything[::2], everything[1::2]
     squares = [
-        _squared_distances(method(corners.select(fitted)), corners, held_out, start)
+        squared_distances(method(corners.select(fitted)), corners, held_out, start)
         for fitted, held_out in ((even, odd), (odd, even))
     ]
     return math.sqrt(np.mean(np.concatenate(squares)))
@@ -93,7 +93,7 @@ def _cross_validated(method: Method, corners: CornerSet, start: Array) -> float:
 def _camera_cells(fit: Fit | None, corners: CornerSet, start: Array) -> Row:
     if fit is None:
         return _NO_CAMERA, '', '', '', ''
-    squares = _squared_distances(fit, corners, np.arange(len(corners.views)), start)
+    squares = squared_distances(fit, corners, np.arange(len(corners.views)), start)
     (fx, fy), (cx, cy) = fit.focal_px, fit.center_px
     focal, center = f'{fx:.2f} / {fy:.2f}', f'({cx:.2f}, {cy:.2f})'
     if fit.estimate is not None:
@@ -107,7 +107,7 @@ def _rms_cell(rms_px: float) -> str:
     return _NO_CAMERA if math.isnan(rms_px) else f'{rms_px:.3f}'
 
 
-def _squared_distances(
+def squared_distances(
     fit: Fit | None, corners: CornerSet, views: NDArray[np.intp], start: Array
 ) -> Array:
     """Fit the poses alone of these views; return the squared distances (N,) of all corners."""

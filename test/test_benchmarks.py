@@ -5,10 +5,24 @@
 
 import dataclasses
 
-from benchmarks import accuracy, all_roots, distances, published, standard_normal
+from benchmarks import (
+    accuracy,
+    all_roots,
+    calibration_orders,
+    calibration_real,
+    distances,
+    published,
+    standard_normal,
+)
+from benchmarks.calibration_methods import Fit
+from benchmarks.corner_sets import CornerSet, CornerView
 import numpy as np
+from p4pfr_ros import CalibrationState, DivisionCamera
 from p4pfr_ros.core.jit import COMPILED
 from p4pfr_ros.core.minimal.solution import H
+from p4pfr_ros.scenes.camera_views import board_grid, draw_camera_view
+from p4pfr_ros.scenes.instances import IMAGE_SIZE
+import pytest
 
 N = 2_000 if COMPILED else 100
 
@@ -54,3 +68,40 @@ def test_all_roots_with_positive_depths_are_solutions():
     counts = all_roots.count(*standard_normal.draw(N, 1))
     assert abs(counts.depths_of_one_sign - len(solved().rows)) <= 0.01 * len(solved().rows)
     assert counts.depths_of_one_sign < counts.z_of_one_sign < counts.real
+
+
+def test_poses_alone_leave_the_noise_and_the_error_of_the_camera():
+    rng = np.random.default_rng(0)
+    camera = DivisionCamera(800.0, (650.0, 470.0), -0.2)
+    noise_px, count = 0.3, 8
+    board = board_grid(9, 6)
+    drawn = [draw_camera_view(rng, camera, board, noise_px=noise_px) for _ in range(count)]
+    views = tuple(CornerView(view.image_points, np.arange(len(board))) for view in drawn)
+    corners = CornerSet('synthetic', IMAGE_SIZE, board, views)
+    poses = [view.camera_from_board for view in drawn]
+    # Some way from the minimum, where the search should end all the same.
+    start = 0.02 + np.array([[*pose.rotation_vector, *pose.translation] for pose in poses])
+    squares = {}
+    for name, project in {
+        'right': camera.project,
+        'wrong': dataclasses.replace(camera, k=-0.1).project,
+    }.items():
+        shape = np.pad(board, ((0, 0), (0, 1)))
+        fit = Fit(project, shape, (800.0, 800.0), camera.center_px, 0.0)
+        squares[name] = calibration_real.squared_distances(
+            fit, corners, np.arange(count), start
+        ).sum()
+    # 108 coordinates a view, six of which the pose takes.
+    degrees_of_freedom = count * (2 * len(board) - 6)
+    assert squares['right'] == pytest.approx(degrees_of_freedom * noise_px**2, rel=0.15)
+    assert squares['wrong'] > 3.0 * squares['right']
+
+
+def test_a_camera_that_is_lost_is_counted():
+    done, before = CalibrationState.CALIBRATED, CalibrationState.CONVERGING
+    run = calibration_orders.Run(
+        None, [before, done, before, done, done], [], [None, 'a', None, 'b', 'b'], [], []
+    )
+    assert run.lost_calibrated == 1
+    assert run.lost_cameras == 1
+    assert run.first_calibrated == 1
