@@ -33,7 +33,8 @@ REAL_NOTES = (
     'the camera fitted to all of them. SelfCalibration gets the views one at a time in file '
     'order, its time is that of all updates; ± is its stated standard deviation.',
     'OpenCV: `cv2.calibrateCamera` with its default of 5 coefficients, and with '
-    '`CALIB_RATIONAL_MODEL`; `cv2.fisheye.calibrate`. lensboy estimates five numbers of the '
+    '`CALIB_RATIONAL_MODEL`; `cv2.fisheye.calibrate`, started from the camera with 5 '
+    'coefficients, because without a start it fails on fisheye_a_left. lensboy estimates five numbers of the '
     'shape of the board. It is no dependency of this project; to measure it: '
     '`python -m venv lensboy; lensboy/bin/pip install lensboy`, then '
     '`--lensboy-python lensboy/bin/python`.',

@@ -99,9 +99,9 @@ def test_poses_alone_leave_the_noise_and_the_error_of_the_camera():
 
 def test_a_camera_that_is_lost_is_counted():
     done, before = CalibrationState.CALIBRATED, CalibrationState.CONVERGING
-    run = calibration_orders.Run(
-        None, [before, done, before, done, done], [], [None, 'a', None, 'b', 'b'], [], []
-    )
+    states = [before, done, before, done, done]
+    cameras = [None, 'one', None, 'two', 'two', 'two']
+    run = calibration_orders.Run(None, states, [], cameras, [], [])
     assert run.lost_calibrated == 1
     assert run.lost_cameras == 1
     assert run.first_calibrated == 1
