@@ -66,7 +66,7 @@ def main(arguments: list[str] | None = None) -> int:
     few = max(1, options.cameras // 20)
     tables = [_errors_table(options.cameras), _time_table(), wide_rows(options.cameras // 10)]
     tables.append(rim_table(sets, few))
-    notes = [RIM_NOTE, NO_CORNERS]
+    notes = [RIM_NOTE, f'Real cameras are left out: {NO_CORNERS}.']
     if sets:
         tables += real_tables(sets, options.lensboy_python)
         tables += [orders_table(sets, ORDERS), halves_table(sets, ORDERS)]

@@ -34,8 +34,8 @@ REAL_NOTES = (
     'order, its time is that of all updates; ± is its stated standard deviation.',
     'OpenCV: `cv2.calibrateCamera` with its default of 5 coefficients, and with '
     '`CALIB_RATIONAL_MODEL`; `cv2.fisheye.calibrate`, started from the camera with 5 '
-    'coefficients, because without a start it fails on fisheye_a_left. lensboy estimates five numbers of the '
-    'shape of the board. It is no dependency of this project; to measure it: '
+    'coefficients, because without a start it fails on fisheye_a_left. lensboy estimates five '
+    'numbers of the shape of the board. It is no dependency of this project; to measure it: '
     '`python -m venv lensboy; lensboy/bin/pip install lensboy`, then '
     '`--lensboy-python lensboy/bin/python`.',
 )

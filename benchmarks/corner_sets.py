@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from p4pfr_ros.core.geometry import Array
 
 NAMES = ('opencv_left', 'gopro_hero', 'gopro_wide', 'fisheye_a_left', 'webcam_stretched')
-NO_CORNERS = 'Real cameras are left out: P4PFR_DATA names no folder with corners/*.npz.'
+NO_CORNERS = 'P4PFR_DATA must name a folder with corners of real cameras, corners/*.npz'
 
 
 @dataclass(frozen=True, slots=True)
