@@ -96,11 +96,10 @@ def _self_calibration(corners: CornerSet) -> Fit | None:
     if estimate is None:
         return None
     camera = estimate.camera
-    aspect = getattr(camera, 'aspect', 1.0)
     return Fit(
         camera.project,
         _board_shape(estimate, corners),
-        (camera.focal_px, aspect * camera.focal_px),
+        camera.focal_xy_px,
         camera.center_px,
         sum(run.seconds),
         run.states[-1].name,
@@ -110,10 +109,9 @@ def _self_calibration(corners: CornerSet) -> Fit | None:
 
 def _board_shape(estimate: Any, corners: CornerSet) -> Array:
     # Until self-calibration estimates the shape of each board.
-    if not hasattr(estimate, 'board_shape'):
-        return _flat(corners)
-    shape: Array = estimate.board_shape(BOARD).points(corners.board_points)
-    return shape
+    shape = estimate.board_shape(BOARD)
+    assert shape is not None
+    return shape.points(corners.board_points)
 
 
 def _opencv(flags: int, corners: CornerSet) -> Fit | None:

@@ -17,11 +17,9 @@ import argparse
 from collections.abc import Sequence
 import contextlib
 from dataclasses import dataclass
-import inspect
 import itertools
 import math
 import time
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,19 +124,13 @@ def calibrate(corners: CornerSet) -> Run:
         estimate: PoseEstimate | None = None
         begin = time.process_time()
         with contextlib.suppress(ValueError):  # a defect, which the table counts
-            estimate = calibration.update(view.image_points, board_points, i, **_board_name())
+            estimate = calibration.update(view.image_points, board_points, i, board=BOARD)
         run.seconds.append(time.process_time() - begin)
         run.states.append(calibration.state)
         run.verdicts.append(calibration.verdict)
         run.cameras.append(calibration.fused)
         run.estimates.append(estimate)
     return run
-
-
-def _board_name() -> dict[str, Any]:
-    # Until self-calibration estimates the shape of each board by its name.
-    accepts = 'board' in inspect.signature(SelfCalibration.update).parameters
-    return {'board': BOARD} if accepts else {}
 
 
 def orders_table(sets: Sequence[CornerSet], orders: int) -> Measured:

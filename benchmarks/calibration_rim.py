@@ -200,7 +200,7 @@ def _measure(corners: CornerSet, focal_px: float = math.nan) -> _Measured | None
     if estimate is None:
         return None
     camera = estimate.camera
-    model = camera.to_camera_info_model(corners.image_size)
+    model = camera.to_camera_info_model(corners.image_size, estimate.seen_radius_px)
     radius_px = _radii(np.concatenate([v.image_points for v in corners.views]), camera).max()
     pixels = _pixels(corners.image_size)
     errors = model.project(camera.unproject(pixels)) - pixels

@@ -15,10 +15,10 @@ import math
 import numpy as np
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array, Pose
-from p4pfr_ros.core.many_views.joint_fit import fit_views
-from p4pfr_ros.core.model.lens import camera_from_lens, lens_from_camera, LENS_SIZE
+from p4pfr_ros.core.many_views.joint_fit import board_view, fit_views, Start
+from p4pfr_ros.core.model.lens import camera_from_lens, lens_from_camera
 from p4pfr_ros.core.model.observation import observe
-from p4pfr_ros.core.model.prior import LensPrior
+from p4pfr_ros.core.model.prior import CommonPrior, FreeTerms, TypicalCamera
 from p4pfr_ros.scenes.instances import draw_rotations, IMAGE_SIZE
 from p4pfr_ros.scenes.single_view import add_noise_and_outliers, SyntheticView
 
@@ -27,8 +27,11 @@ _CORNER_BEND = (-0.5, 0.0)  # k r² at the image corner
 _CORNER_PX = 0.5 * math.hypot(*IMAGE_SIZE)
 _MIDDLE_PX = (0.5 * (IMAGE_SIZE[0] - 1.0), 0.5 * (IMAGE_SIZE[1] - 1.0))
 
-# A noise level so large that its outlier gate accepts every point, px.
-_NO_GATE_PX = 1000.0
+# A noise level so large that its outlier gate accepts every inlier, px.
+_NO_GATE_PX = 3.0
+
+# Standard deviation of a prior that says nothing: beside it the noise level above is small.
+_VAGUE = 1e9
 
 # Standard deviation of the distortion centre from the middle of the image, in image diagonals.
 CENTER_SIGMA = 0.03
@@ -88,9 +91,17 @@ def fit_from_ground_truth(views: Sequence[SyntheticView]) -> DivisionCamera:
     centered, rows = [], []
     for view in views:
         observation = observe(view.image_points[~view.outlier], view.board_points[~view.outlier])
-        centered.append(observation.centered(_MIDDLE_PX, IMAGE_SIZE))
+        centered.append(board_view(observation.centered(_MIDDLE_PX, IMAGE_SIZE), '', ()))
         rows.append(observation.row_from_pose(view.camera_from_board))
-    no_prior = LensPrior.without_views(np.zeros(LENS_SIZE), np.zeros((LENS_SIZE, LENS_SIZE)))
-    lens = lens_from_camera(views[0].camera, _MIDDLE_PX)
-    fit = fit_views(centered, np.array(rows), lens, 1, no_prior, sigma_px=_NO_GATE_PX)
+    camera = views[0].camera
+    vague = TypicalCamera(
+        corner_px=_CORNER_PX,
+        center_sigma_px=_VAGUE,
+        focal_px=camera.focal_px,
+        focal_sigma_px=_VAGUE,
+        k_sigma=_VAGUE,
+    )
+    start = Start(np.array(rows), lens_from_camera(camera, _MIDDLE_PX), ())
+    prior = CommonPrior.without_views(vague)
+    fit = fit_views(centered, start, FreeTerms(), prior, sigma_px=_NO_GATE_PX)
     return camera_from_lens(fit.lens, _MIDDLE_PX)

@@ -62,6 +62,8 @@ class CameraInfoModel:
         pixels of one ray in the two. Otherwise 0.
     image_size
         Width and height of the full raw image, pixels.
+    residual_outside_px
+        The same distance where the other camera was not seen, and is an extrapolation itself.
 
     Raises
     ------
@@ -76,6 +78,7 @@ class CameraInfoModel:
     center_px: tuple[float, float]
     residual_px: float
     image_size: tuple[int, int]
+    residual_outside_px: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, 'coefficients', self._checked_coefficients())
@@ -85,8 +88,9 @@ class CameraInfoModel:
         if not min(self.focal_px) > 0.0:
             raise ValueError(f'focal_px must be > 0, got {self.focal_px}')
         check_magnitudes(self.focal_px, self.center_px)
-        if not self.residual_px >= 0.0:
-            raise ValueError(f'residual_px must be ≥ 0, got {self.residual_px}')
+        for name in ('residual_px', 'residual_outside_px'):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f'{name} must be ≥ 0, got {getattr(self, name)}')
         width, height = checked_image_size(self.image_size)
         object.__setattr__(self, 'image_size', (int(width), int(height)))
 

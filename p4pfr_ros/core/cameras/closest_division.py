@@ -20,7 +20,7 @@ from ..geometry import Array
 
 # The number of terms is the smallest whose residual is below this, px.
 _GOOD_ENOUGH_PX = 0.1
-_TERMS = 3
+_TERMS = 4
 _ANGLES = 400
 _ALONG_A_SIDE = 33
 
@@ -29,17 +29,17 @@ def division_camera_from_model(model: CameraInfoModel) -> tuple[DivisionCamera, 
     """
     Return the division camera closest to a model, and its largest error, px.
 
-    The error is the largest over the pixels that have a ray, so it includes fx ≠ fy and tangential
-    terms, which a division camera cannot represent. The camera has the smallest number of terms
-    with an error of at most 0.1 px. The error is infinite if no division camera covers the image.
+    The error is the largest over the pixels that have a ray. The camera has the smallest number
+    of terms with an error of at most 0.1 px, and decentring. The error is infinite if no division
+    camera covers the image.
     """
-    focal_px = math.sqrt(model.focal_px[0] * model.focal_px[1])
+    focal_px = model.focal_px[0]
     angle, p = _radial_profile(model, focal_px)
     pixels = _pixels(model.image_size)
     rays = model.unproject(pixels)
     candidates: list[tuple[float, int, DivisionCamera]] = []
     for terms in range(1, _TERMS + 1):
-        camera = _fitted(angle, p, terms, model.center_px, focal_px)
+        camera = _fitted(angle, p, terms, model)
         if camera is None:
             continue
         error_px = np.linalg.norm(camera.project(rays) - pixels, axis=1)[~np.isnan(rays[:, 2])]
@@ -48,7 +48,8 @@ def division_camera_from_model(model: CameraInfoModel) -> tuple[DivisionCamera, 
         if residual_px <= _GOOD_ENOUGH_PX:
             break
     if not candidates:
-        return DivisionCamera(focal_px, model.center_px), math.inf
+        aspect = model.focal_px[1] / focal_px
+        return DivisionCamera(focal_px, model.center_px, aspect=aspect), math.inf
     residual_px, _, camera = min(candidates)
     return camera, residual_px
 
@@ -65,12 +66,11 @@ def _radial_profile(model: CameraInfoModel, focal_px: float) -> tuple[Array, Arr
     return angle, focal_px * lens.radii(angle)
 
 
-def _fitted(
-    angle: Array, p: Array, terms: int, center_px: tuple[float, float], focal_px: float
-) -> DivisionCamera | None:
+def _fitted(angle: Array, p: Array, terms: int, model: CameraInfoModel) -> DivisionCamera | None:
     """Fit  f + f k (p/f)² + ... = p cot θ,  a linear problem, with errors weighted to pixels."""
     if len(angle) <= terms + 1:
         return None
+    focal_px = model.focal_px[0]
     # A change G of the left side changes p at the same angle by  sin²θ / (p θ') G.
     with np.errstate(all='ignore'):
         weight = np.sin(angle) ** 2 / (p * np.gradient(angle, p))
@@ -83,8 +83,16 @@ def _fitted(
     # g_i (p / focal_px)²ⁱ = f k_i (p / f)²ⁱ
     ratio = (g[0] / focal_px) ** (2.0 * np.arange(terms + 1))
     k = (g * ratio / g[0])[1:].tolist()
+    k += [0.0] * (_TERMS - terms)
+    p1 = p2 = 0.0
+    if model.distortion_model != 'equidistant':
+        # The model's decentring moves the pixel, the division camera's the ray: with both focal
+        # lengths about equal, one is the other's inverse to first order.
+        scale = focal_px / float(g[0])
+        p1, p2 = (-number * scale for number in model.coefficients[2:4])
+    aspect = model.focal_px[1] / focal_px
     try:
-        return DivisionCamera(float(g[0]), center_px, *k)
+        return DivisionCamera(float(g[0]), model.center_px, *k, aspect, p1, p2)
     except ValueError:  # a coefficient is extreme
         return None
 

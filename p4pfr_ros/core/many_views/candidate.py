@@ -18,24 +18,31 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .bundle_adjustment import squared_errors, StackedViews, view_block
-from .joint_fit import JointFit, stacked_views
+from .bundle_adjustment import (
+    COLUMNS,
+    pose_step,
+    reduce_view,
+    squared_error,
+    StackedViews,
+    view_block,
+    VIEW_COMMON,
+    WIDTH,
+)
+from .joint_fit import board_view, BoardView, JointFit, stacked_views
 from ..cameras.division import DivisionCamera
-from ..geometry import Array, Pose, POSE_SIZE
+from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION
 from ..jit import jit
-from ..linalg import inverse_of_information
+from ..linalg import rotate
 from ..model.lens import (
     camera_from_lens,
-    COLUMNS,
     CX,
     CY,
     FOCAL,
     lens_from_camera,
+    LENS_SIZE,
     POSE_COLUMNS,
-    RESIDUAL,
-    squared_error,
 )
-from ..model.observation import CenteredView
+from ..model.observation import CenteredView, Observation
 from ..model.uncertainty import COV_FOCAL, sigma_at
 from ..one_view.describe import FoundPoses
 from ..one_view.estimate_pose import estimate_observation, search_poses
@@ -53,6 +60,10 @@ _SQUARES = 1.5
 _LARGEST_CHI2 = 30.0
 _MODEL_SHARE = 0.5
 
+# Steps of a pose to its optimum with the board's shape, and the gain, as a share of the limit
+# below which it is there.
+_POSE_STEPS = 4
+_POSE_GAIN = 1e-4
 
 # A view contradicts the camera if a camera of its own lowers chi-square by more than what real
 # boards and shutters do (a board of 200 mm that is bowed by 2 mm: up to 90), or by less where its
@@ -103,13 +114,28 @@ def lens_contrast(
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A view, and the fit of the others with its camera; the properties are cached."""
+    """
+    A view, and the fit of the others with its camera; the properties are cached.
+
+    board: the name of the view's board.
+    """
 
     view: CenteredView
+    board: str
     fit: JointFit
     camera: DivisionCamera
     image_size: tuple[int, int]
     robust: EstimateOptions
+
+    @cached_property
+    def in_fit(self) -> BoardView:
+        """The view with its board's shape in the fit."""
+        return board_view(self.view, self.board, self.fit.boards)
+
+    @cached_property
+    def _observation(self) -> Observation:
+        """The points where they are on the real board, as far as the fit knows."""
+        return self.in_fit.shaped(self.fit.common)
 
     @cached_property
     def known(self) -> FoundPoses:
@@ -125,14 +151,14 @@ class Candidate:
     @cached_property
     def _centered(self) -> CenteredView:
         """The view relative to the fit's principal point."""
-        return self.view.observation.centered(self.camera.center_px, self.image_size)
+        return self._observation.centered(self.camera.center_px, self.image_size)
 
     @cached_property
     def evaluated(self) -> EvaluatedView | None:
         """The view with the fit's camera; None if that camera gives no pose."""
         if not self.known.rows:
             return None
-        return evaluate_view(self.view, self.known.rows[0][:POSE_SIZE].copy(), self.fit)
+        return evaluate_view(self.in_fit, self.known.rows[0], self.fit.common, self.fit)
 
     @cached_property
     def alone(self) -> PoseEstimate:
@@ -163,10 +189,11 @@ class Candidate:
         costs = [np.inf]
         model, row = self.alone.model, self.alone_row
         if model is not None and row is not None:
-            lens = lens_from_camera(model.camera, self.view.center_px)
-            squares = np.empty(len(self.view.image))
-            squared_errors(stacked_views([self.view]), row[None], lens, squares)
-            costs.append(float(np.minimum(squares, self.fit.limit).sum()))
+            common = self.fit.common.copy()
+            common[:LENS_SIZE] = lens_from_camera(model.camera, self.view.center_px)
+            flat = board_view(self.view, self.board, ())
+            for view in (self.in_fit, flat):
+                costs.append(evaluate_view(view, row, common, self.fit).cost)
         if self.evaluated is not None:
             costs.append(self.evaluated.cost)
         return min(costs)
@@ -192,7 +219,8 @@ class Candidate:
         camera, view = self.camera, self._centered
         if fit is not self.fit:
             camera = camera_from_lens(fit.lens, self.view.center_px)
-            view = self.view.observation.centered(camera.center_px, self.image_size)
+            board = board_view(self.view, self.board, fit.boards)
+            view = board.shaped(fit.common).centered(camera.center_px, self.image_size)
         mean, covariance = fit.lens_without(self.view)
         mean = mean.copy()
         mean[CX : CY + 1] -= fit.lens[CX : CY + 1]
@@ -243,7 +271,7 @@ class Candidate:
     def estimate_alone(self) -> PoseEstimate:
         """Estimate from the view alone, its principal point about that of the fit."""
         return estimate_observation(
-            self.view.observation,
+            self._observation,
             self.image_size,
             self.camera.center_px,
             None,
@@ -255,70 +283,75 @@ class Candidate:
 @dataclass(frozen=True, eq=False)
 class EvaluatedView:
     """
-    A view with a given pose and the camera of a joint fit.
+    A view with a given camera, and the best pose near a given one.
 
     row (12,): the pose of the scaled board; squares (N,): the squared errors, px²; inliers: the
-    number of them within the fit's limit, and inlier_squares: their sum; block (13, 13): the
-    normal equations of pose and lens, [C B; Bᵀ A] of ``bundle_adjustment``.
+    number of them within the fit's limit, and inlier_squares: their sum; information (18, 18) and
+    gradient (18,): about lens and board, the pose eliminated, px².
     """
 
-    view: CenteredView
+    view: BoardView
     fit: JointFit
     row: Array
     squares: Array
     inliers: int
     inlier_squares: float
-    block: Array
+    information: Array
+    gradient: Array
 
     @property
     def cost(self) -> float:
         """The sum of the squared errors, each truncated at the fit's limit, px²."""
-        return self.inlier_squares + (len(self.view.image) - self.inliers) * self.fit.limit
-
-    @cached_property
-    def information(self) -> Array:
-        """The information (6, 6) about the lens, px², the pose eliminated."""
-        across, by_lens = self._parts()
-        information: Array = by_lens - across.T @ self._inverse @ across
-        return 0.5 * (information + information.T)
-
-    @cached_property
-    def gradient(self) -> Array:
-        """The negative gradient (6,) of the lens, px², the pose eliminated."""
-        across, _ = self._parts()
-        by_residual = self.block[:RESIDUAL, RESIDUAL]
-        at_pose = self._inverse @ by_residual[:POSE_COLUMNS]
-        negative: Array = across.T @ at_pose - by_residual[POSE_COLUMNS:]
-        return negative
-
-    @cached_property
-    def _inverse(self) -> Array:
-        """C⁻¹ of the block."""
-        return inverse_of_information(self.block[:POSE_COLUMNS, :POSE_COLUMNS])
-
-    def _parts(self) -> tuple[Array, Array]:
-        """Return B and A of the block."""
-        pose, lens = slice(0, POSE_COLUMNS), slice(POSE_COLUMNS, RESIDUAL)
-        return self.block[pose, lens], self.block[lens, lens]
+        return self.inlier_squares + (len(self.squares) - self.inliers) * self.fit.limit
 
 
-def evaluate_view(view: CenteredView, row: Array, fit: JointFit) -> EvaluatedView:
-    """Evaluate a view with a given pose (12,) and the fit's camera."""
-    squares, block = np.empty(len(view.image)), np.empty((COLUMNS, COLUMNS))
-    inliers, total = _evaluate(stacked_views([view]), row, fit.lens, fit.limit, squares, block)
-    return EvaluatedView(view, fit, row, squares, inliers, total, block)
+def evaluate_view(view: BoardView, row: Array, common: Array, fit: JointFit) -> EvaluatedView:
+    """Evaluate a view near a pose (≥ 12,), with lens and shapes (C,), the limit of a fit."""
+    row, squares = row[:POSE_SIZE].copy(), np.empty(len(view.image))
+    equations = np.empty((VIEW_COMMON, VIEW_COMMON + 1))
+    inliers, total = _evaluate(stacked_views([view]), row, common, fit.limit, squares, equations)
+    information, gradient = equations[:, :VIEW_COMMON], equations[:, VIEW_COMMON]
+    return EvaluatedView(
+        view, fit, row, squares, inliers, total, 0.5 * (information + information.T), gradient
+    )
 
 
 @jit
 def _evaluate(
-    points: StackedViews, row: Array, lens: Array, limit: float, squares: Array, block: Array
+    points: StackedViews,
+    row: Array,
+    common: Array,
+    limit: float,
+    squares: Array,
+    equations: Array,
 ) -> tuple[int, float]:
-    """Write a view's squared errors and block; return the number of inliers and their sum."""
-    view_block(points, 0, row, lens, limit, np.empty((2, COLUMNS)), block)
+    """
+    Move a pose to its optimum, in place; write the squared errors and equations.
+
+    Return the number of inliers and their sum. The pose was found on the flat board.
+    """
+    rows, block = np.zeros((8, WIDTH)), np.empty((COLUMNS, WIDTH))
+    solved, step, other = np.empty((POSE_COLUMNS, COLUMNS)), np.empty(POSE_COLUMNS), row.copy()
+    still = np.zeros(len(common))
+    cost = view_block(points, 0, row, common, limit, rows, block)
+    for _ in range(_POSE_STEPS):
+        reduce_view(block, 0.0, solved, equations)
+        gain = pose_step(block, solved, points.boards[0], still, step)
+        if not gain > _POSE_GAIN * limit:
+            break
+        rotate(row, step[0], step[1], step[2], other)
+        for i in range(3):
+            other[TRANSLATION + i] = row[TRANSLATION + i] + step[3 + i]
+        lower = view_block(points, 0, other, common, limit, rows, block)
+        if not lower < cost:
+            view_block(points, 0, row, common, limit, rows, block)
+            break
+        cost = lower
+        row[:] = other
+    reduce_view(block, 0.0, solved, equations)
     inliers, total = 0, 0.0
     for i in range(len(squares)):
-        x, y = points.board[i, 0], points.board[i, 1]
-        squares[i] = squared_error(row, lens, x, y, points.image[i, 0], points.image[i, 1])
+        squares[i] = squared_error(points, i, row, common, points.boards[0])
         if squares[i] < limit:
             inliers += 1
             total += squares[i]

@@ -19,8 +19,8 @@ from .candidate import Candidate
 from .joint_fit import JointFit, scatter_of
 from ..geometry import Array
 from ..linalg import inverse_of_information
-from ..model.lens import K
-from ..model.prior import LensPrior
+from ..model.lens import FOCAL
+from ..model.prior import TypicalCamera
 
 # Number of latest informative views.
 _MEMORY = 10
@@ -57,7 +57,7 @@ class ChangeDetector:
         if outliers:
             del self._latest[outliers[0]]
 
-    def evidence(self, fit: JointFit, typical: LensPrior) -> Sequence[Candidate]:
+    def evidence(self, fit: JointFit, typical: TypicalCamera) -> Sequence[Candidate]:
         """Return the views of the changed camera, the latest last; empty if it has not changed."""
         agreed = [candidate for candidate, agrees in self._latest if agrees]
         disagreed = [candidate for candidate, agrees in self._latest if not agrees]
@@ -72,7 +72,7 @@ class ChangeDetector:
 
 
 def _common_deviation(
-    candidates: Sequence[Candidate], fit: JointFit, typical: LensPrior, enough: float
+    candidates: Sequence[Candidate], fit: JointFit, typical: TypicalCamera, enough: float
 ) -> float:
     """
     Return χ² of the difference between the camera of some views and that of a fit.
@@ -80,14 +80,15 @@ def _common_deviation(
     A value below ``enough`` is an upper bound. Each view is evaluated with the fit before it was
     added, so that it is not compared with itself.
     """
-    free = slice(K + fit.order)
-    prior = fit.variance * typical.information[free, free]
+    free = fit.terms.columns
+    prior = np.diag(fit.variance * typical.information(fit.lens[FOCAL], fit.terms)[free])
     evaluated = [candidate.evaluated for candidate in candidates if candidate.evaluated]
-    information = np.array([view.information[free, free] for view in evaluated])
+    information = np.array([view.information[np.ix_(free, free)] for view in evaluated])
     gradients = np.array([view.gradient[free] for view in evaluated])
     total = information.sum(axis=0) + prior
     shift = np.linalg.solve(total, gradients.sum(axis=0))
-    inverse, of_fit = fit.variance * inverse_of_information(total), fit.covariance[free, free]
+    inverse = fit.variance * inverse_of_information(total)
+    of_fit = fit.covariance[np.ix_(free, free)]
     upper_bound = _chi2(shift, fit.scatter * inverse + of_fit)
     if upper_bound < enough:
         return upper_bound

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``JointFit``: one lens fitted to many views; its noise, covariance and statistical tests."""
+"""``JointFit``: one lens and board shapes fitted to many views; noise, covariance, scatter."""
 
 from __future__ import annotations
 
@@ -17,24 +17,23 @@ from .bundle_adjustment import (
     adjust,
     adjustment_work,
     AdjustmentWork,
-    fill_blocks,
-    lens_equations,
     squared_errors,
     StackedViews,
-    view_equations,
+    VIEW_COMMON,
 )
 from .results import Keyframe
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, Ints, POSE_SIZE
 from ..linalg import inverse_of_information
-from ..model.lens import camera_from_lens, K, LENS_SIZE, POSE_COLUMNS
-from ..model.observation import CenteredView
-from ..model.prior import LensPrior, WeightedPrior
+from ..model.board_shape import basis_of, BoardShape, displacement, SHAPE_SIZE
+from ..model.lens import ASPECT, camera_from_lens, FOCAL, LENS_SIZE, POSE_COLUMNS
+from ..model.observation import CenteredView, Observation
+from ..model.prior import common_places, CommonPrior, FreeTerms, shape_slice
 from ..model.uncertainty import DEFAULT_SIGMA_PX, noise_variance, posterior_variance
 
-# Points beyond this many standard deviations of a coordinate (0.03 % of normal errors) are
-# outliers, but no points within the second limit, px.
-_GATE_SIGMAS = 4.0
+# Points beyond this many standard deviations of a coordinate are outliers, but no points within
+# the second limit, px. Errors of real corners have longer tails than normal ones.
+_GATE_SIGMAS = 6.0
 _SMALLEST_GATE_PX = 0.1
 
 # Additional degrees of freedom with a scatter of 1: few views do not measure it.
@@ -49,37 +48,111 @@ _LARGEST_SQUARE = 1e6
 # With fewer degrees of freedom the residuals do not measure the noise.
 _MIN_DOF = 20
 
-# Each round measures the noise for its gate and adjusts: maximum number of steps, tolerance.
+# Each round measures the noise for its gate and adjusts: maximum number of steps, and the relative
+# fall of the cost below which it ends. Rounds end early where the gate stays.
 _ROUNDS = ((20, 1e-2), (10, 1e-4), (20, 1e-7))
+_SAME_GATE = 0.05
 
-# Lenses have one to three terms.
-MAX_ORDER = 3
+# A view is taken out of a fit by a linear step: at most so large, as a share of the focal length.
+_FARTHEST_FOCAL = 0.5
 
-# χ² above which a term is freed, and below which it is fixed again: five and three standard
-# deviations, since the test is repeated at each view and residuals are not exactly normal.
-_FREED = 25.0
-_FIXED = 9.0
+# The shapes of at most so many boards are estimated; others are taken as flat.
+MAX_BOARDS = 8
+
+# A shape is a polynomial: beyond its frame by this share it is not extrapolated.
+_BEYOND_FRAME = 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardFrame:
+    """The frame of a board's shape: its name, middle (2,) and half extent (2,), board units."""
+
+    name: str
+    center: Array
+    half_extent: Array
+
+    @classmethod
+    def of(cls, name: str, points: Array) -> BoardFrame:
+        """Return the frame of points (N, 2)."""
+        low, high = points.min(axis=0), points.max(axis=0)
+        return cls(name, 0.5 * (low + high), 0.5 * (high - low))
+
+    def covers(self, points: Array) -> bool:
+        """Return whether points are within the frame, or hardly outside."""
+        beyond = np.abs(points - self.center) - self.half_extent
+        return bool(beyond.max() <= _BEYOND_FRAME * self.half_extent.max())
+
+    def with_points(self, points: Array) -> BoardFrame:
+        """Return the smallest frame that holds this one and points."""
+        corners = self.center + np.array([-1.0, 1.0])[:, None] * self.half_extent
+        return BoardFrame.of(self.name, np.vstack([corners, points]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardView:
+    """
+    A view in a joint fit.
+
+    name: of its board; board: its place among those whose shapes are estimated; basis (N, 8): of
+    the shape, scaled as the view's points; zero for a board that is taken as flat.
+    """
+
+    view: CenteredView
+    name: str
+    board: int
+    basis: Array
+
+    @property
+    def observation(self) -> Observation:
+        """The points, independent of a camera."""
+        return self.view.observation
+
+    @property
+    def image(self) -> Array:
+        """The image points (N, 2), px from the middle of the image."""
+        return self.view.image
+
+    def shaped(self, common: Array) -> Observation:
+        """Return the observation with its points on the real board of a fit (C,)."""
+        moved = displacement(self.basis, common[shape_slice(self.board)])
+        return self.observation.displaced(moved)
+
+
+def board_view(view: CenteredView, name: str, boards: Sequence[BoardFrame]) -> BoardView:
+    """Return a view with the basis of its board's shape; flat without a frame that covers it."""
+    points, place = view.observation.board_points, place_of(name, boards)
+    if place is None or view.observation.collinear or not boards[place].covers(points):
+        return BoardView(view, name, 0, np.zeros((len(points), SHAPE_SIZE)))
+    frame = boards[place]
+    half_size = float(frame.half_extent.max())
+    basis = basis_of(points, frame.center, half_size)
+    return BoardView(view, name, place, basis * (half_size / view.observation.board_size))
+
+
+def place_of(name: str, boards: Sequence[BoardFrame]) -> int | None:
+    """Return the place of a board by its name; None if its shape is not estimated."""
+    return next((i for i, frame in enumerate(boards) if frame.name == name), None)
 
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
     """
-    One lens and the poses of all views.
+    One lens, the shapes of the boards, and the poses of all views.
 
-    lens (6,)
-    order: number of free terms of k, k2, k3
+    common (C,): lens and shapes; terms: the free ones of the lens; boards: frames of the shapes
     poses (V, 12) of the scaled boards
     squares (M,): squared errors of all points, px²; limit: points beyond it are outliers, px²
     variance of a coordinate, px²; dof: degrees of freedom; measured: whether from the residuals
     scatter: chi-square per degree of freedom of the views' lenses, at least 1
-    equations (6, 7): normal equations of the lens: views, prior and marginalised views, px²
-    prior (6, 6): information in them that is from the prior, not from marginalised views, px²
-    information (V, 6, 6), gradients (V, 6): information and negative gradient of each view, px²
+    equations (C, C + 1): of the common parameters: views, prior and marginalised views, px²
+    prior (C, C): information in them that is from the prior, not from marginalised views, px²
+    information (V, 18, 18), gradients (V, 18): information and negative gradient of each view, px²
     """
 
-    views: tuple[CenteredView, ...]
-    lens: Array
-    order: int
+    views: tuple[BoardView, ...]
+    common: Array
+    terms: FreeTerms
+    boards: tuple[BoardFrame, ...]
     poses: Array
     squares: Array
     limit: float
@@ -91,6 +164,11 @@ class JointFit:
     prior: Array
     information: Array
     gradients: Array
+
+    @property
+    def lens(self) -> Array:
+        """The lens (10,)."""
+        return self.common[:LENS_SIZE]
 
     @property
     def cost(self) -> float:
@@ -114,8 +192,13 @@ class JointFit:
             [[0], np.cumsum([len(view.image) for view in self.views], dtype=np.int64)]
         )
 
+    @property
+    def free(self) -> Ints:
+        """The places of the estimated common parameters."""
+        return self.terms.with_boards(len(self.boards) or 1)
+
     def without(self, v: int) -> JointFit:
-        """Return the fit without a view; the lens is not fitted again."""
+        """Return the fit without a view; nothing is fitted again."""
         keep = np.arange(len(self.views)) != v
         first, last = self.starts[v : v + 2]
         return replace(
@@ -129,36 +212,57 @@ class JointFit:
 
     def lens_without(self, view: CenteredView) -> tuple[Array, Array]:
         """
-        Return the lens (6,) and its covariance (6, 6) without what a view tells, if it is fitted.
+        Return the lens (10,) and its covariance (10, 10) without what a view tells, if fitted.
 
-        With them as its prior, the view is not counted twice.
+        With them as its prior, the view is not counted twice. Of the considered parameters the
+        covariance has the aspect ratio alone.
         """
-        fitted = [v for v, other in enumerate(self.views) if other is view]
+        fitted = [v for v, other in enumerate(self.views) if other.view is view]
+        known = np.union1d(self.terms.columns, [ASPECT])
+        covariance = np.zeros((LENS_SIZE, LENS_SIZE))
         if not fitted:
-            return self.lens, self.covariance
+            covariance[np.ix_(known, known)] = self.full_covariance[np.ix_(known, known)]
+            return self.lens, covariance
         # The negative gradients of all views and the prior cancel: without g of this view the
         # step is -(T - S)⁻¹ g, T the information of all, and S of the view.
-        free = slice(K + self.order)
-        rest = self.equations[free, free] - self.information[fitted[0]][free, free]
+        free, at = self.free, common_places(self.views[fitted[0]].board)
+        rest = self.equations[:, :-1].copy()
+        rest[np.ix_(at, at)] -= self.information[fitted[0]]
+        gradient = np.zeros(len(rest))
+        gradient[at] = self.gradients[fitted[0]]
+        lens = self.lens.copy()
+        own = free < LENS_SIZE
+        step = inverse_of_information(rest[np.ix_(free, free)]) @ gradient[free]
+        # The cost is quadratic nearby only.
+        share = min(1.0, _FARTHEST_FOCAL * lens[FOCAL] / max(abs(step[0]), 1e-300))
+        lens[free[own]] -= share * step[own]
         inverse = inverse_of_information(rest)
-        lens, covariance = self.lens.copy(), np.zeros((LENS_SIZE, LENS_SIZE))
-        lens[free] -= inverse @ self.gradients[fitted[0]][free]
-        covariance[free, free] = self.posterior_variance * inverse
+        covariance[np.ix_(known, known)] = self.posterior_variance * inverse[np.ix_(known, known)]
         return lens, covariance
 
     @cached_property
+    def full_covariance(self) -> Array:
+        """
+        The second moment (C, C) of the errors of all common parameters.
+
+        Considered parameters are zero in the fit, but may be anything that prior and views allow.
+        With T = S + Λ, the information of views and prior about all parameters, their best
+        estimate is a step δ = T⁻¹ g away, and the error about it has the covariance
+        T⁻¹ (v S + σ² Λ) T⁻¹: v is the posterior variance, scatter included. About the fit the
+        errors have δ δᵀ more. Marginalised views belong to S.
+        """
+        total, gradient = self.equations[:, :-1], self.equations[:, -1]
+        inverse = inverse_of_information(total)
+        of_noise = self.posterior_variance * (total - self.prior)
+        covariance = inverse @ (of_noise + self.variance * self.prior) @ inverse
+        step = inverse @ gradient
+        moment = covariance + np.outer(step, step)
+        return 0.5 * (moment + moment.T)
+
+    @property
     def covariance(self) -> Array:
-        """The covariance (6, 6) of the lens; zero for fixed terms."""
-        # With T = S + Λ, the information of the views and of the prior (px²), the error is T⁻¹ g.
-        # Its gradient g has the covariance v S from the noise plus σ² Λ from the error of the
-        # prior: v is the posterior variance. Marginalised views belong to S.
-        free = slice(K + self.order)
-        inverse = inverse_of_information(self.equations[free, free])
-        prior = self.prior[free, free]
-        of_noise = self.posterior_variance * (self.equations[free, free] - prior)
-        covariance = np.zeros((LENS_SIZE, LENS_SIZE))
-        covariance[free, free] = inverse @ (of_noise + self.variance * prior) @ inverse
-        return 0.5 * (covariance + covariance.T)
+        """The second moment (10, 10) of the errors of the lens."""
+        return self.full_covariance[:LENS_SIZE, :LENS_SIZE]
 
     @cached_property
     def posterior_variance(self) -> float:
@@ -166,20 +270,34 @@ class JointFit:
         dof = self.dof if self.measured else 0
         return self.scatter * posterior_variance(self.variance, dof, self.limit)
 
+    def shape(self, board: int) -> BoardShape:
+        """Return the shape of a board."""
+        at, frame = shape_slice(board), self.boards[board]
+        covariance = self.full_covariance[at, at]
+        return BoardShape(frame.center, frame.half_extent, self.common[at], covariance)
+
 
 def gate_of(variance: float) -> float:
     """Return the squared error, px², beyond which a point is an outlier."""
     return max(_GATE_SIGMAS**2 * variance, _SMALLEST_GATE_PX**2)
 
 
-def fit_of_prior(prior: LensPrior, order: int) -> JointFit:
+def fit_of_prior(prior: CommonPrior, terms: FreeTerms, boards: tuple[BoardFrame, ...]) -> JointFit:
     """Return a fit without views: the prior."""
     variance = DEFAULT_SIGMA_PX**2
-    information = variance * prior.information
+    count = max(len(boards), 1)
+    prior = prior.for_boards(count)
+    focal_px = prior.reference[0] or prior.typical.focal_px
+    weighted = prior.weighted(variance, focal_px, terms, count)
+    step = inverse_of_information(weighted.information) @ weighted.gradient
+    free = terms.with_boards(count)
+    common = weighted.reference.copy()
+    common[free] += step[free]
     return JointFit(
         views=(),
-        lens=prior.mean.copy(),
-        order=order,
+        common=common,
+        terms=terms,
+        boards=boards,
         poses=np.empty((0, POSE_SIZE)),
         squares=np.empty(0),
         limit=gate_of(variance),
@@ -187,95 +305,132 @@ def fit_of_prior(prior: LensPrior, order: int) -> JointFit:
         dof=0,
         measured=False,
         scatter=1.0,
-        equations=np.column_stack([information, np.zeros(LENS_SIZE)]),
-        prior=information,
-        information=np.empty((0, LENS_SIZE, LENS_SIZE)),
-        gradients=np.empty((0, LENS_SIZE)),
+        equations=np.column_stack([weighted.information, np.zeros(len(common))]),
+        prior=weighted.information,
+        information=np.empty((0, VIEW_COMMON, VIEW_COMMON)),
+        gradients=np.empty((0, VIEW_COMMON)),
     )
 
 
+class Start(NamedTuple):
+    """
+    Where a fit starts: poses (V, 12), common parameters (≤ C,), and the frames of boards.
+
+    limit: of the outliers of an earlier fit, px²; with about the same one it is a good start.
+    """
+
+    poses: Array
+    common: Array
+    boards: tuple[BoardFrame, ...]
+    limit: float = 0.0
+
+
 def fit_views(
-    views: Sequence[CenteredView],
-    poses: Array,
-    lens: Array,
-    order: int,
-    prior: LensPrior,
+    views: Sequence[BoardView],
+    start: Start,
+    terms: FreeTerms,
+    prior: CommonPrior,
     sigma_px: float | None = None,
 ) -> JointFit:
     """
-    Fit one lens to the views, starting from poses (V, 12) and lens (6,).
+    Fit one lens and the shapes of the boards to the views.
 
     sigma_px: the standard deviation of a coordinate; None: it is measured.
     """
-    points = stacked_views(views)
-    poses, lens = poses.copy(), lens.copy()
-    lens[K + order :] = 0.0
+    count = max(len(start.boards), 1)
+    points, poses = stacked_views(views), start.poses.copy()
+    common = np.zeros(LENS_SIZE + SHAPE_SIZE * count)
+    common[: len(start.common)] = start.common
+    fixed = np.setdiff1d(np.arange(LENS_SIZE), terms.columns)
+    common[fixed] = 0.0
+    focal_px = float(common[0])
     squares = np.empty(len(points.image))
-    work = adjustment_work(len(views))
-    unknowns = POSE_COLUMNS * len(views) + K + order
-    variance = limit = 0.0
+    work = adjustment_work(len(views), len(common))
+    free = terms.with_boards(count)
+    unknowns = POSE_COLUMNS * len(views) + len(terms.columns)
+    variance, limit = 0.0, start.limit
     for steps, tolerance in _ROUNDS:
-        squared_errors(points, poses, lens, squares)
+        squared_errors(points, poses, common, squares)
         variance = sigma_px**2 if sigma_px else _median_variance(squares, unknowns)
+        if abs(gate_of(variance) - limit) < _SAME_GATE * limit:
+            variance, tolerance = limit / _GATE_SIGMAS**2, _ROUNDS[-1][1]
         limit = gate_of(variance)
-        weighted = WeightedPrior(prior.mean, variance * prior.information)
-        adjust(points, poses, lens, order, weighted, limit, steps, tolerance, work)
-    fitted = _Fitted(tuple(views), points, lens, order, poses, limit, variance, work)
-    return _result_of(fitted, prior, measured=sigma_px is None)
+        weighted = prior.weighted(variance, focal_px, terms, count)
+        adjust(points, poses, common, free, weighted, limit, steps, tolerance, work)
+        if tolerance == _ROUNDS[-1][1]:
+            break
+    fitted = _Fitted(tuple(views), points, common, terms, start.boards, poses, limit, work)
+    return _result_of(fitted, prior, variance, focal_px, measured=sigma_px is None)
 
 
 class _Fitted(NamedTuple):
     """The outcome of the adjustment, and its workspace."""
 
-    views: tuple[CenteredView, ...]
+    views: tuple[BoardView, ...]
     points: StackedViews
-    lens: Array
-    order: int
+    common: Array
+    terms: FreeTerms
+    boards: tuple[BoardFrame, ...]
     poses: Array
     limit: float
-    variance: float
     work: AdjustmentWork
 
 
-def _result_of(fitted: _Fitted, prior: LensPrior, measured: bool) -> JointFit:
-    """Measure the noise, unless it is given, linearise at the optimum, and make the result."""
-    views, points, lens, order, poses, limit, variance, work = fitted
+def _result_of(
+    fitted: _Fitted, prior: CommonPrior, variance: float, focal_px: float, measured: bool
+) -> JointFit:
+    """Measure the noise, unless it is given, and make the result."""
+    views, points, common, terms, boards, poses, limit, work = fitted
     squares = np.empty(len(points.image))
-    squared_errors(points, poses, lens, squares)
+    squared_errors(points, poses, common, squares)
     inlier = squares < limit
-    dof = 2 * int(inlier.sum()) - POSE_COLUMNS * len(views) - K - order
+    dof = 2 * int(inlier.sum()) - POSE_COLUMNS * len(views) - len(terms.columns)
     measured = measured and dof >= _MIN_DOF
+    given = variance
     if measured:
         variance = noise_variance(float(squares[inlier].sum()), dof, limit)
-    equations = np.empty((len(views), LENS_SIZE, LENS_SIZE + 1))
-    weighted = WeightedPrior(prior.mean, variance * prior.information)
-    fill_blocks(points, poses, lens, limit, work)
-    view_equations(len(views), work, equations)
-    lens_equations(len(views), lens, weighted, 0.0, work)
-    free, scatter = slice(K + order), 1.0
-    if measured:
-        scatter = scatter_of(
-            equations[:, free, free],
-            equations[:, free, LENS_SIZE],
-            weighted.information[free, free],
-            work.reduced[free, free],
-            variance,
-        )
-    return JointFit(
+    count = max(len(boards), 1)
+    before = prior.weighted(given, focal_px, terms, count)
+    after = prior.weighted(variance, focal_px, terms, count)
+    # The equations have the prior with the variance of the adjustment.
+    equations = work.reduced.copy()
+    off = common - before.reference
+    equations[:, :-1] += after.information - before.information
+    equations[:, -1] += after.gradient - before.gradient
+    equations[:, -1] -= (after.information - before.information) @ off
+    of_prior = after.information - variance * prior.for_boards(count).marginalised
+    of_view = work.of_view.copy()
+    fit = JointFit(
         views=views,
-        lens=lens,
-        order=order,
+        common=common,
+        terms=terms,
+        boards=boards,
         poses=poses,
         squares=squares,
         limit=limit,
         variance=variance,
         dof=dof,
         measured=measured,
-        scatter=scatter,
-        equations=work.reduced,
-        prior=variance * (prior.information - prior.marginalised),
-        information=equations[:, :, :LENS_SIZE],
-        gradients=equations[:, :, LENS_SIZE],
+        scatter=1.0,
+        equations=equations,
+        prior=of_prior,
+        information=of_view[:, :, :VIEW_COMMON],
+        gradients=of_view[:, :, VIEW_COMMON],
+    )
+    return replace(fit, scatter=_scatter(fit)) if measured else fit
+
+
+def _scatter(fit: JointFit) -> float:
+    """Return the scatter of the views about the lens, board shapes held."""
+    columns = fit.terms.columns
+    at = np.ix_(columns, columns)
+    total = fit.equations[at]
+    return scatter_of(
+        fit.information[:, columns[:, None], columns],
+        fit.gradients[:, columns],
+        fit.prior[at],
+        total,
+        fit.variance,
     )
 
 
@@ -288,17 +443,21 @@ def _median_variance(squares: Array, unknowns: int) -> float:
     return variance if dof >= _MIN_DOF else max(variance, DEFAULT_SIGMA_PX**2)
 
 
-def stacked_views(views: Sequence[CenteredView]) -> StackedViews:
+def stacked_views(views: Sequence[BoardView]) -> StackedViews:
     """Stack the points of views, one view after the other."""
+    boards = np.array([view.board for view in views], dtype=np.int64)
     if len(views) == 1:
         [view] = views
-        return StackedViews(view.image, view.board, np.array([0, len(view.image)]))
+        starts = np.array([0, len(view.image)])
+        return StackedViews(view.image, view.view.board, view.basis, starts, boards)
     starts = np.zeros(len(views) + 1, dtype=np.int64)
     np.cumsum([len(view.image) for view in views], out=starts[1:])
     return StackedViews(
         np.concatenate([view.image for view in views]),
-        np.concatenate([view.board for view in views]),
+        np.concatenate([view.view.board for view in views]),
+        np.concatenate([view.basis for view in views]),
         starts,
+        boards,
     )
 
 
@@ -310,8 +469,8 @@ def scatter_of(
 
     information (V, n, n) and gradients (V, n) are the views' equations for the lens at their
     common optimum, prior (n, n) the rest, total (n, n) the sum; px². An error that all points of a
-    view share (a bent board, a lens outside the model) hardly changes its residuals, but shifts
-    the lens that this view alone would have.
+    view share (a rolling shutter, a lens outside the model) hardly changes its residuals, but
+    shifts the lens that this view alone would have.
     """
     # One view alone would move the lens by (S + Λ)⁻¹ g: S and g are its information and gradient,
     # Λ is the prior's information. At the common optimum g has the covariance σ² (S - S T⁻¹ S),
@@ -323,47 +482,23 @@ def scatter_of(
     return max(1.0, float((_SCATTER_FREEDOM + squares) / (_SCATTER_FREEDOM + freedom)))
 
 
-def requires_next_term(fit: JointFit) -> bool:
-    """
-    Return whether the residuals require the next term: Rao's score test, which needs no fit.
-
-    If the true value of the next term is zero, its gradient after elimination of the free terms is
-    normal with the variance of its information. The square over that variance is χ² with one
-    degree of freedom.
-    """
-    free = K + fit.order
-    if fit.order == MAX_ORDER:
-        return False
-    information, gradient = fit.equations[:, :LENS_SIZE], fit.equations[:, LENS_SIZE]
-    by_free = np.linalg.solve(information[:free, :free], information[:free, free])
-    information_after = information[free, free] - by_free @ information[:free, free]
-    gradient_after = gradient[free] - by_free @ gradient[:free]
-    return bool(gradient_after**2 > _FREED * information_after * fit.variance)
-
-
-def needs_last_term(fit: JointFit) -> bool:
-    """Return whether the last free term differs significantly from zero."""
-    last = K + fit.order - 1
-    return fit.order == 1 or bool(fit.lens[last] ** 2 > _FIXED * fit.covariance[last, last])
-
-
 def keyframes_of(fit: JointFit) -> tuple[Keyframe, ...]:
     """Return the views of a fit with their poses and residuals."""
-    camera = camera_from_lens(fit.lens, fit.views[0].center_px) if fit.views else None
+    camera = camera_from_lens(fit.lens, fit.views[0].view.center_px) if fit.views else None
     return tuple(
-        _keyframe(view, row, camera, fit.limit)
+        _keyframe(view, row, camera, fit)
         for view, row in zip(fit.views, fit.poses, strict=True)
         if camera is not None
     )
 
 
-def _keyframe(view: CenteredView, row: Array, camera: DivisionCamera, limit: float) -> Keyframe:
+def _keyframe(view: BoardView, row: Array, camera: DivisionCamera, fit: JointFit) -> Keyframe:
     observation = view.observation
     pose = observation.pose_from_row(row)
-    points = np.pad(observation.board_points, ((0, 0), (0, 1)))
+    points = view.shaped(fit.common).points_on_board
     residuals_px = camera.project(pose.transform(points)) - observation.image_points
     squares = np.sum(residuals_px**2, axis=1)
-    inliers = squares < limit
+    inliers = squares < fit.limit
     return Keyframe(
         image_points=observation.image_points,
         board_points=observation.board_points,
@@ -372,4 +507,5 @@ def _keyframe(view: CenteredView, row: Array, camera: DivisionCamera, limit: flo
         residuals_px=residuals_px,
         rms_px=math.sqrt(squares[inliers].mean()) if inliers.any() else math.nan,
         stamp=observation.stamp,
+        board=view.name,
     )

@@ -17,14 +17,32 @@ from typing import NamedTuple
 import numpy as np
 
 from .candidate import Candidate, disagrees, EvaluatedView
-from .joint_fit import fit_views, JointFit, MAX_ORDER, needs_last_term, requires_next_term
+from .joint_fit import (
+    board_view,
+    BoardFrame,
+    BoardView,
+    fit_views,
+    JointFit,
+    MAX_BOARDS,
+    place_of,
+    Start,
+)
+from .lens_terms import ENOUGH_FOR_A_TERM, with_lens_terms
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION
 from ..jit import jit, kernel
 from ..linalg import inverse_of_information
-from ..model.lens import closed_form, FOCAL, K, lens_from_camera
-from ..model.observation import CenteredView, Observation
-from ..model.prior import LensPrior
+from ..model.board_shape import SHAPE_SIZE
+from ..model.lens import closed_form, FOCAL, lens_from_camera, LENS_SIZE
+from ..model.observation import Observation
+from ..model.prior import (
+    common_places,
+    CommonPrior,
+    FreeTerms,
+    MAX_ORDER,
+    shape_slice,
+    TypicalCamera,
+)
 from ..one_view.estimate_pose import estimate_observation
 from ..one_view.results import EstimateOptions, PoseEstimate, without_deviations
 
@@ -35,9 +53,6 @@ _WORTH_A_FIT = 0.4
 
 # Relative standard deviation of the focal length below which a view determines it.
 _DETERMINED = 0.3
-
-# With fewer degrees of freedom, another term would explain any disagreement.
-_ENOUGH_FOR_A_TERM = 60
 
 # A fit of fewer views may be a wrong optimum: the new view's solutions are tried as starts, too.
 _FEW_VIEWS = 5
@@ -50,10 +65,10 @@ class Joined(NamedTuple):
     """A fit with the new view, and the prior with the view that it replaced, if any."""
 
     fit: JointFit
-    prior: LensPrior
+    prior: CommonPrior
 
 
-def with_view(candidate: Candidate, prior: LensPrior, max_views: int) -> Joined | None:
+def with_view(candidate: Candidate, prior: CommonPrior, max_views: int) -> Joined | None:
     """
     Fit the keyframes and a new view, which becomes the last.
 
@@ -69,51 +84,93 @@ def with_view(candidate: Candidate, prior: LensPrior, max_views: int) -> Joined 
         )
         if drop is None:
             return None
-        prior = prior.marginalise(
-            fit.information[drop], fit.gradients[drop], fit.lens, fit.variance
-        )
+        prior = marginalised(prior, fit, drop)
         fit = fit.without(drop)
-    trials = _joined(candidate, fit, prior)
+    boards, prior, common = _with_board(candidate, fit, prior)
+    views = [*fit.views, board_view(candidate.view, candidate.board, boards)]
+    if any(old is not new for old, new in zip(fit.boards, boards, strict=False)):
+        views = [board_view(view.view, view.name, boards) for view in views]
+    trials = _joined(candidate, fit, views, Start(fit.poses, common, boards, fit.limit), prior)
     if len(fit.views) < _FEW_VIEWS and candidate.alone_row is not None:
-        rows = [*fit.poses, candidate.alone_row]
-        views, cameras = (*fit.views, candidate.view), cameras_of([candidate.alone])
-        others = fits_from_cameras(views, rows, cameras, prior, candidate.robust)
-        trials += [trial for trial in others if _agree(trial, fit, candidate)]
+        rows, cameras = [*fit.poses, candidate.alone_row], cameras_of([candidate.alone])
+        for terms in (FreeTerms(), FreeTerms(imperfect=True)):
+            others = fits_from_cameras(
+                views, rows, cameras, boards, terms, prior, candidate.robust
+            )
+            trials += [trial for trial in others if _agree(trial, fit, candidate)]
+            if trials:
+                break
     if not trials:
         return None
-    return Joined(with_lens_order(best_of(trials), prior, candidate.robust.sigma_px), prior)
+    return Joined(with_lens_terms(best_of(trials), prior, candidate.robust.sigma_px), prior)
 
 
-def fit_candidates(candidates: Sequence[Candidate], prior: LensPrior) -> JointFit:
+def marginalised(prior: CommonPrior, fit: JointFit, v: int) -> CommonPrior:
+    """Return the prior with the information of a view of the fit."""
+    at = common_places(fit.views[v].board)
+    prior = prior.for_boards(max(len(fit.boards), 1))
+    information, gradient = fit.information[v], fit.gradients[v]
+    return prior.marginalise(information, gradient, fit.common, fit.variance, at)
+
+
+def _with_board(
+    candidate: Candidate, fit: JointFit, prior: CommonPrior
+) -> tuple[tuple[BoardFrame, ...], CommonPrior, Array]:
+    """
+    Return the frames of boards with that of a new view's, and the prior and the start for them.
+
+    A board that reaches beyond its frame gets a larger one; the shape in the old one is dropped.
+    """
+    points, boards = candidate.view.observation.board_points, fit.boards
+    place = place_of(candidate.board, boards)
+    common = np.zeros(LENS_SIZE + SHAPE_SIZE * max(len(boards), 1))
+    common[: len(fit.common)] = fit.common
+    if place is None:
+        if len(boards) < MAX_BOARDS:
+            boards = (*boards, BoardFrame.of(candidate.board, points))
+    elif not boards[place].covers(points):
+        wider = boards[place].with_points(points)
+        boards = (*boards[:place], wider, *boards[place + 1 :])
+        prior = prior.without_board(place)
+        common[shape_slice(place)] = 0.0
+    return boards, prior, common
+
+
+def fit_candidates(candidates: Sequence[Candidate], prior: CommonPrior) -> JointFit:
     """Fit a new camera to views that together disagree with the previous one."""
-    robust = candidates[0].robust
-    views = [candidate.view for candidate in candidates]
+    robust, boards = candidates[0].robust, candidates[0].fit.boards
+    views = [board_view(candidate.view, candidate.board, boards) for candidate in candidates]
     rows = [candidate.row for candidate in candidates]
     cameras = cameras_of(candidate.alone for candidate in candidates)
-    best = best_of(fits_from_cameras(views, rows, cameras, prior, robust))
-    return with_lens_order(best, prior, robust.sigma_px)
+    fits = fits_from_cameras(views, rows, cameras, boards, FreeTerms(), prior, robust)
+    return with_lens_terms(best_of(fits), prior, robust.sigma_px)
 
 
-def with_lens_order(fit: JointFit, prior: LensPrior, sigma_px: float | None) -> JointFit:
-    """Fit again with the number of lens terms that the data require."""
-    if not needs_last_term(fit):
-        return fit_views(fit.views, fit.poses, fit.lens, fit.order - 1, prior, sigma_px)
-    while fit.dof >= _ENOUGH_FOR_A_TERM and requires_next_term(fit):
-        fit = fit_views(fit.views, fit.poses, fit.lens, fit.order + 1, prior, sigma_px)
-    return fit
-
-
-def _joined(candidate: Candidate, fit: JointFit, prior: LensPrior) -> list[JointFit]:
+def _joined(
+    candidate: Candidate,
+    fit: JointFit,
+    views: Sequence[BoardView],
+    start: Start,
+    prior: CommonPrior,
+) -> list[JointFit]:
     """Fit all views, starting from the current fit; try further terms until the views agree."""
-    sigma_px = candidate.robust.sigma_px
-    views, poses = (*fit.views, candidate.view), np.vstack([fit.poses, candidate.row])
-    for order in range(fit.order, MAX_ORDER + 1):
-        trial = fit_views(views, poses, fit.lens, order, prior, sigma_px)
+    start = start._replace(poses=np.vstack([start.poses, candidate.row]))
+    for terms in _tried_terms(fit.terms):
+        trial = fit_views(views, start, terms, prior, candidate.robust.sigma_px)
         if _agree(trial, fit, candidate):
             return [trial]
-        if trial.dof < _ENOUGH_FOR_A_TERM:
+        if trial.dof < ENOUGH_FOR_A_TERM:
             break
     return []
+
+
+def _tried_terms(terms: FreeTerms) -> list[FreeTerms]:
+    """Return the terms that may explain a view that seems to disagree, the present ones first."""
+    tried = [terms]
+    if not terms.imperfect:
+        tried.append(terms._replace(imperfect=True))
+    tried += [FreeTerms(order, imperfect=True) for order in range(terms.order + 1, MAX_ORDER + 1)]
+    return tried
 
 
 def _agree(trial: JointFit, fit: JointFit, candidate: Candidate) -> bool:
@@ -131,10 +188,12 @@ def cameras_of(estimates: Iterable[PoseEstimate]) -> list[DivisionCamera]:
 
 
 def fits_from_cameras(
-    views: Sequence[CenteredView],
+    views: Sequence[BoardView],
     rows: Sequence[Array],
     cameras: Iterable[DivisionCamera],
-    prior: LensPrior,
+    boards: tuple[BoardFrame, ...],
+    terms: FreeTerms,
+    prior: CommonPrior,
     options: EstimateOptions,
 ) -> list[JointFit]:
     """
@@ -143,14 +202,14 @@ def fits_from_cameras(
     Several starts are needed because a start from few views may lead to a wrong optimum. rows: a
     pose (12,) of each view, used if a camera gives none.
     """
-    fits, middle_px = [], views[0].center_px
+    fits, middle_px = [], views[0].view.center_px
     for camera in cameras:
         poses = [
             _row_with_camera(view, row, camera, options)
             for view, row in zip(views, rows, strict=True)
         ]
-        lens = lens_from_camera(camera, middle_px)
-        fits.append(fit_views(views, np.array(poses), lens, 1, prior, options.sigma_px))
+        start = Start(np.array(poses), lens_from_camera(camera, middle_px), boards)
+        fits.append(fit_views(views, start, terms, prior, options.sigma_px))
     return fits
 
 
@@ -161,7 +220,7 @@ def best_of(fits: Sequence[JointFit]) -> JointFit:
 
 
 def _row_with_camera(
-    view: CenteredView, row: Array, camera: DivisionCamera, options: EstimateOptions
+    view: BoardView, row: Array, camera: DivisionCamera, options: EstimateOptions
 ) -> Array:
     """Return the pose (12,) of a view with a known camera, or else the given row."""
     options = without_deviations(options)
@@ -185,7 +244,7 @@ def distance_to_views_px(
     poses = np.vstack(
         [np.append(camera_from_board.rotation, camera_from_board.translation), others]
     )
-    if camera.k2 == 0.0 and camera.k3 == 0.0:
+    if camera.order == 1 and camera.aspect == 1.0 and not camera.is_decentred:
         return camera.focal_px * math.sqrt(_nearest(corners, poses, camera.k))
     rotations, places = poses[:, :TRANSLATION].reshape(-1, 3, 3), poses[:, TRANSLATION:]
     corners_px = camera.project(corners @ rotations[:, :, :2].transpose(0, 2, 1) + places[:, None])
@@ -243,21 +302,23 @@ def least_informative(fit: JointFit, new: Array) -> int | None:
     """
     Return the index of the view to drop for a new one; None if the new one adds too little.
 
-    new (6, 6), px²: the new view's information about the lens. The remaining views have the
-    largest determinant of the information, that is, the smallest volume of uncertainty.
+    new (18, 18), px²: the new view's information about the lens. The remaining views have the
+    largest determinant of the information, that is, the smallest volume of uncertainty, for given
+    shapes of the boards.
     """
-    free = slice(K + fit.order)
-    information = np.concatenate([fit.information, new[None]])[:, free, free]
-    volumes = _log_volumes(fit.prior[free, free] + information.sum(axis=0) - information)
+    free = fit.terms.columns
+    information = np.concatenate([fit.information, new[None]])[:, free[:, None], free]
+    prior = fit.prior[np.ix_(free, free)]
+    volumes = _log_volumes(prior + information.sum(axis=0) - information)
     best = int(np.argmax(volumes))
     return best if volumes[best] > volumes[-1] + _WORTH_A_PLACE else None
 
 
 def is_worth_a_fit(fit: JointFit, information: Array) -> bool:
-    """Return whether additional information (6, 6), px², is worth another fit."""
-    free = slice(K + fit.order)
-    before = fit.equations[free, free]
-    before, after = _log_volumes(np.array([before, before + information[free, free]]))
+    """Return whether additional information (C, C), px², is worth another fit."""
+    free = np.ix_(fit.terms.columns, fit.terms.columns)
+    before = fit.equations[free]
+    before, after = _log_volumes(np.array([before, before + information[free]]))
     return bool(after > before + _WORTH_A_FIT)
 
 
@@ -269,10 +330,10 @@ def _log_volumes(information: Array) -> Array:
     return positive
 
 
-def determines_focal(evaluated: EvaluatedView, typical: LensPrior) -> bool:
+def determines_focal(evaluated: EvaluatedView, typical: TypicalCamera) -> bool:
     """Return whether a view alone, with a typical camera's prior, determines the focal length."""
     fit = evaluated.fit
-    information = evaluated.information + fit.variance * typical.information
-    free = K + fit.order
-    inverse = inverse_of_information(information[:free, :free])
+    free = fit.terms.columns
+    prior = fit.variance * typical.information(fit.lens[FOCAL], fit.terms)[free]
+    inverse = inverse_of_information(evaluated.information[np.ix_(free, free)] + np.diag(prior))
     return bool(fit.variance * inverse[FOCAL, FOCAL] < (_DETERMINED * fit.lens[FOCAL]) ** 2)

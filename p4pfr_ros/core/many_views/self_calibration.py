@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 import math
 from typing import Any
@@ -12,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .candidate import Candidate
+from .candidate import Candidate, EvaluatedView
 from .change_detection import ChangeDetector
-from .joint_fit import fit_of_prior, fit_views, JointFit, keyframes_of
+from .joint_fit import BoardFrame, fit_of_prior, fit_views, JointFit, keyframes_of, Start
 from .keyframes import (
     determines_focal,
     distance_to_views_px,
@@ -22,16 +23,24 @@ from .keyframes import (
     is_worth_a_fit,
     poses_of,
     unscaled_row,
-    with_lens_order,
     with_view,
 )
+from .lens_terms import with_lens_terms
+from .progress import Coverage, missing_views, state_of, uncertainty_of
 from .results import CalibrationOptions, CalibrationState, CameraEstimate, Keyframe, Verdict
 from ..cameras.camera_info import checked_image_size
-from ..cameras.division import DivisionCamera
 from ..geometry import Array, POSE_SIZE
-from ..model.lens import camera_from_lens, CX, FOCAL, K, LENS_SIZE
-from ..model.observation import image_center_px, observe
-from ..model.prior import calibrated_camera, LensPrior, typical_camera
+from ..model.lens import camera_from_lens, FOCAL, lens_from_camera
+from ..model.observation import CenteredView, image_center_px, observe
+from ..model.prior import (
+    common_places,
+    CommonPrior,
+    FOCAL_SIGMA,
+    FreeTerms,
+    terms_of_lens,
+    typical_focal_px,
+    TypicalCamera,
+)
 from ..one_view.results import EstimateOptions, no_estimate, PoseEstimate, Status
 
 # A restart requires that cameras of their own lower the chi-square of the views, in all, by more
@@ -50,9 +59,8 @@ _MOST_OF_ONE = 50.0
 # camera that has changed, not every view tells.
 _DOUBTFUL_VIEWS = 4
 
-# With a larger standard deviation of the focal length (relative), or of the bend at the corner,
-# the camera is UNCALIBRATED.
-_ROUGH = 0.15
+# So many views that disagreed are kept, to be tried again when the camera is known better.
+_MOST_REJECTED = 10
 
 _NO_POSES = np.empty((0, POSE_SIZE))
 
@@ -97,8 +105,8 @@ class SelfCalibration:
         self._typical = _typical_camera(self.image_size, self.options, self.robust)
         self._changes = ChangeDetector(self.options.outliers_to_restart)
         # The prior with all marginalised views, and the one in the current fit.
-        self._prior: LensPrior
-        self._fitted_prior: LensPrior
+        self._prior: CommonPrior
+        self._fitted_prior: CommonPrior
         self._fit: JointFit
         self._state: CalibrationState
         self._fused: CameraEstimate | None
@@ -138,12 +146,20 @@ class SelfCalibration:
         """The keyframes that the camera is estimated from, oldest first."""
         return keyframes_of(self._fit)
 
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """What would make the camera CALIBRATED, as advice; empty if it is."""
+        if self._state is CalibrationState.CALIBRATED:
+            return ()
+        return missing_views(self._fit, self._coverage, self._uncertainty, self.options)
+
     def update(
         self,
         image_points: ArrayLike,
         board_points: ArrayLike,
         stamp: Any = None,
         *,
+        board: str = '',
         on_pose: Callable[[PoseEstimate], object] | None = None,
     ) -> PoseEstimate:
         """
@@ -157,6 +173,8 @@ class SelfCalibration:
             The same points on the board's plane Z = 0, metres.
         stamp
             Any value that identifies the view; it is stored with a keyframe.
+        board
+            The name of the board: all views of one board share its shape.
         on_pose
             Called once with the estimate that is returned. While the camera is CALIBRATED and
             the view agrees with it, the call comes before the update of the camera, which takes
@@ -177,7 +195,7 @@ class SelfCalibration:
         """
         observation = observe(image_points, board_points, stamp)
         view = observation.centered(self._middle_px, self.image_size)
-        candidate = Candidate(view, self._fit, self._camera, self.image_size, self.robust)
+        candidate = Candidate(view, board, self._fit, self._camera, self.image_size, self.robust)
         estimate = self._early_estimate(candidate) if on_pose else None
         if on_pose and estimate:
             on_pose(estimate)
@@ -186,6 +204,8 @@ class SelfCalibration:
             estimate = self._estimate(candidate)
             if on_pose:
                 on_pose(estimate)
+        if self._verdict is Verdict.USED:
+            self._try_rejected_again()
         return estimate
 
     def _early_estimate(self, candidate: Candidate) -> PoseEstimate | None:
@@ -208,7 +228,7 @@ class SelfCalibration:
         if self._fused is None or self._verdict in (Verdict.OUTLIER, Verdict.NO_POSE):
             return candidate.estimate_alone()
         fit = self._fit
-        is_last = bool(fit.views) and fit.views[-1] is candidate.view
+        is_last = bool(fit.views) and fit.views[-1].view is candidate.view
         if is_last and len(fit.views) + self._prior.views == 1:
             return candidate.estimate_alone()
         return candidate.estimate_with(fit, fit.poses[-1] if is_last else candidate.row)
@@ -219,18 +239,34 @@ class SelfCalibration:
         return self._doubtful_views > 0
 
     def _start(self, loaded: CameraEstimate | None) -> None:
-        """Drop all views; start from a loaded camera, or from none."""
+        """Drop all views; start from a loaded camera, or from none, and from known boards."""
         self._verdict = Verdict.NO_POSE
         self._loaded = loaded
         self._changes.clear()
+        self._rejected: deque[Candidate] = deque(maxlen=_MOST_REJECTED)
         self._doubtful_views = 0
         self._last_poses = _NO_POSES
-        if loaded is None:
-            self._accept(fit_of_prior(self._typical, 1), self._typical)
-            return
-        camera, covariance = loaded.camera, loaded.covariance
-        prior = calibrated_camera(camera, covariance, loaded.views, self._middle_px, self._typical)
-        self._accept(fit_of_prior(prior, camera.order), prior)
+        self._state, self._coverage = CalibrationState.UNCALIBRATED, Coverage(self.image_size)
+        self._seen_radius_px = 0.0
+        self._counted: set[CenteredView] = set()
+        prior, terms = CommonPrior.without_views(self._typical), FreeTerms()
+        frames = []
+        if loaded is not None:
+            lens = lens_from_camera(loaded.camera, self._middle_px)
+            terms = terms_of_lens(lens)
+            prior = CommonPrior.of_calibration(
+                self._typical, lens, loaded.covariance, loaded.views
+            )
+            if loaded.coverage is not None:
+                self._coverage.seen[:] = loaded.coverage
+            else:
+                self._coverage.seen[:] = True
+            half_diagonal_px = 0.5 * math.hypot(*self.image_size)
+            self._seen_radius_px = loaded.seen_radius_px or half_diagonal_px
+            for i, (name, shape) in enumerate(loaded.board_shapes.items()):
+                prior = prior.known_shape(i, shape.numbers, shape.covariance)
+                frames.append(BoardFrame(name, shape.center, shape.half_extent))
+        self._accept(fit_of_prior(prior, terms, tuple(frames)), prior)
 
     def _learn(self, candidate: Candidate) -> None:
         """Set the verdict on a view, and update the camera with it accordingly."""
@@ -266,16 +302,22 @@ class SelfCalibration:
         evaluated, fit = candidate.evaluated, self._fit
         if evaluated is None:
             return Verdict.REDUNDANT
-        prior = self._prior.marginalise(
-            evaluated.information, evaluated.gradient, fit.lens, fit.variance
+        prior = self._prior.for_boards(max(len(fit.boards), 1)).marginalise(
+            evaluated.information,
+            evaluated.gradient,
+            fit.common,
+            fit.variance,
+            common_places(evaluated.view.board),
         )
         self._prior = prior
-        added = fit.variance * (prior.information - self._fitted_prior.information)
+        self._see(evaluated)
+        fitted = self._fitted_prior.for_boards(prior.boards)
+        added = fit.variance * (prior.information - fitted.information)
         if not is_worth_a_fit(fit, added):
             return Verdict.REDUNDANT
-        sigma_px = self.robust.sigma_px
-        fit = fit_views(fit.views, fit.poses, fit.lens, fit.order, prior, sigma_px)
-        self._accept(with_lens_order(fit, prior, sigma_px), prior)
+        sigma_px, start = self.robust.sigma_px, Start(fit.poses, fit.common, fit.boards, fit.limit)
+        fit = fit_views(fit.views, start, fit.terms, prior, sigma_px)
+        self._accept(with_lens_terms(fit, prior, sigma_px), prior)
         return Verdict.USED
 
     def _is_new(self, candidate: Candidate, poses: Array) -> bool:
@@ -303,6 +345,7 @@ class SelfCalibration:
         self._verdict = Verdict.OUTLIER
         if candidate.contradicts:
             self._doubtful_views = _DOUBTFUL_VIEWS
+        self._rejected.append(candidate)
         self._changes.add(candidate, agrees=False)
         self._restart_if_changed()
 
@@ -315,33 +358,105 @@ class SelfCalibration:
         excess = sum(min(one, _MOST_OF_ONE) for one in each)
         if not excess > _CHANGED_FOCAL:
             return
-        fit = fit_candidates(evidence, self._typical)
+        fit = fit_candidates(evidence, self._prior_of_boards)
         log_ratio = abs(math.log(fit.lens[FOCAL] / self._fit.lens[FOCAL]))
         differs = excess > _CHANGED or log_ratio > _FOCAL_CHANGE
         as_sharp = fit.variance < _AS_SHARP * self._fit.variance
         if differs and (as_sharp or np.median(each) > _CHANGED_FOR_SURE):
+            prior = self._prior_of_boards
             self._start(None)
-            self._accept(fit, self._typical)
+            self._accept(fit, prior)
             self._verdict = Verdict.RESTARTED
 
-    def _accept(self, fit: JointFit, prior: LensPrior) -> None:
+    @property
+    def _prior_of_boards(self) -> CommonPrior:
+        """The prior of a camera that has changed: the shapes of the boards stay."""
+        prior = CommonPrior.without_views(self._typical)
+        for i in range(len(self._fit.boards)):
+            shape = self._fit.shape(i)
+            prior = prior.known_shape(i, shape.numbers, shape.covariance)
+        return prior
+
+    def _try_rejected_again(self) -> None:
+        """Use a view that disagreed with an earlier estimate of the camera, but agrees now."""
+        if not self._rejected:
+            return
+        old = self._rejected.popleft()
+        again = Candidate(
+            old.view, old.board, self._fit, self._camera, self.image_size, self.robust
+        )
+        joined = None
+        if again.agrees and self._is_new(again, self._poses):
+            joined = with_view(again, self._prior, self.options.max_views)
+        if joined is not None:
+            self._accept(*joined)
+        elif not again.agrees:
+            self._rejected.append(old)
+
+    def _accept(self, fit: JointFit, prior: CommonPrior) -> None:
         """Make a fit the current one, with its prior."""
         self._prior = self._fitted_prior = prior
         self._fit, self._camera = fit, camera_from_lens(fit.lens, self._middle_px)
         self._poses = poses_of(fit)
-        self._state, self._fused = _progress_of(
-            fit, self._camera, prior.views, self.image_size, self.options, self._loaded
+        for view, first in zip(fit.views, fit.starts, strict=False):
+            if view.view not in self._counted:
+                inlier = fit.squares[first : first + len(view.image)] < fit.limit
+                self._see_points(view.observation.image_points[inlier])
+        self._counted = {view.view for view in fit.views}
+        self._uncertainty = uncertainty_of(
+            fit, self._coverage, self._seen_radius_px, self.image_size
+        )
+        views = len(fit.views) + prior.views
+        state = state_of(self._uncertainty, float(fit.lens[FOCAL]), views, self.options)
+        # A view that is added loses nothing: a larger uncertainty is another estimate of it.
+        self._state = max(self._state, state, key=list(CalibrationState).index)
+        self._fused = self._fused_estimate(fit, views)
+
+    def _see(self, evaluated: EvaluatedView) -> None:
+        """Count the inliers of a view as seen."""
+        inlier = evaluated.squares < evaluated.fit.limit
+        self._see_points(evaluated.view.observation.image_points[inlier])
+
+    def _see_points(self, pixels: Array) -> None:
+        self._coverage.add(pixels)
+        radii = np.linalg.norm(pixels - np.asarray(self._camera.center_px), axis=1)
+        self._seen_radius_px = max(self._seen_radius_px, float(radii.max(initial=0.0)))
+
+    def _fused_estimate(self, fit: JointFit, views: int) -> CameraEstimate | None:
+        """Return the camera unless it is UNCALIBRATED; the loaded one until there are views."""
+        if self._state is CalibrationState.UNCALIBRATED or self._uncertainty is None:
+            return None
+        if math.isnan(fit.rms_px):
+            return self._loaded
+        return CameraEstimate(
+            self._camera,
+            fit.covariance,
+            fit.rms_px,
+            views,
+            scatter=fit.scatter,
+            projection_sigma_px=self._uncertainty.projection_px,
+            seen_radius_px=self._seen_radius_px,
+            board_shapes={frame.name: fit.shape(i) for i, frame in enumerate(fit.boards)},
+            coverage=self._coverage.seen,
         )
 
 
 def _typical_camera(
     image_size: tuple[int, int], options: CalibrationOptions, robust: EstimateOptions
-) -> LensPrior:
-    focal = None
+) -> TypicalCamera:
+    corner_px = 0.5 * math.hypot(*image_size)
+    focal_px = typical_focal_px(corner_px)
+    focal_sigma_px = FOCAL_SIGMA * focal_px
     if robust.prior_focal_px is not None and robust.prior_focal_sigma_px is not None:
-        focal = robust.prior_focal_px, robust.prior_focal_sigma_px
-    k = robust.prior_k, robust.prior_k_sigma
-    return typical_camera(image_size, options.center_spread, focal, k)
+        focal_px, focal_sigma_px = robust.prior_focal_px, robust.prior_focal_sigma_px
+    return TypicalCamera(
+        corner_px=corner_px,
+        center_sigma_px=options.center_spread * 2.0 * corner_px,
+        focal_px=focal_px,
+        focal_sigma_px=focal_sigma_px,
+        k=robust.prior_k,
+        k_sigma=robust.prior_k_sigma,
+    )
 
 
 def _checked(name: str, given: Any, kind: type[Any]) -> Any:
@@ -351,52 +466,3 @@ def _checked(name: str, given: Any, kind: type[Any]) -> Any:
     if not isinstance(given, kind):
         raise TypeError(f'{name} must be {kind.__name__}, got {type(given).__name__}')
     return given
-
-
-def _progress_of(
-    fit: JointFit,
-    camera: DivisionCamera,
-    marginalised: int,
-    image_size: tuple[int, int],
-    options: CalibrationOptions,
-    loaded: CameraEstimate | None,
-) -> tuple[CalibrationState, CameraEstimate | None]:
-    """
-    Return the state of a fit, and its camera unless it is UNCALIBRATED.
-
-    marginalised: the number of views in the prior; loaded: the camera that the calibration started
-    from, which is returned as it is while there are no views.
-    """
-    views, covariance = len(fit.views) + marginalised, fit.covariance
-    state = _state_of(fit.lens, covariance, 0.5 * math.hypot(*image_size), views, options)
-    if state is CalibrationState.UNCALIBRATED:
-        return state, None
-    rms_px = fit.rms_px
-    if math.isnan(rms_px):
-        return state, loaded
-    return state, CameraEstimate(camera, covariance, rms_px, views)
-
-
-def _state_of(
-    lens: Array, covariance: Array, corner_px: float, views: int, options: CalibrationOptions
-) -> CalibrationState:
-    """Return the state of a lens (6,) with a covariance (6, 6); corner_px: half the diagonal."""
-    # Rounding may leave negative variances if the numbers are extreme.
-    if not (np.diag(covariance) >= 0.0).all():
-        return CalibrationState.UNCALIBRATED
-    focal_share = math.sqrt(covariance[FOCAL, FOCAL]) / lens[FOCAL]
-    center_share = math.sqrt(np.diag(covariance)[CX:K].max()) / (2.0 * corner_px)
-    # At the corner the ray's depth is  1 + k q + k2 q² + k3 q³,  q = |d|².
-    q = (corner_px / lens[FOCAL]) ** 2
-    by_terms = np.zeros(LENS_SIZE)
-    by_terms[K:] = q, q**2, q**3
-    bend = math.sqrt(by_terms @ covariance @ by_terms)
-    if not (focal_share < _ROUGH and bend < _ROUGH):
-        return CalibrationState.UNCALIBRATED
-    calibrated = (
-        views >= options.min_views
-        and focal_share < options.focal_tolerance
-        and center_share < options.center_tolerance
-        and bend < options.bend_tolerance
-    )
-    return CalibrationState.CALIBRATED if calibrated else CalibrationState.CONVERGING

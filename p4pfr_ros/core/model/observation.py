@@ -10,7 +10,7 @@ An ``Observation`` does not depend on a camera. Relative to a distortion centre 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import Any
 
@@ -22,6 +22,7 @@ from ..geometry import (
     Array,
     as_board_points,
     as_image_points,
+    Mask,
     Pose,
     POSE_SIZE,
     TRANSLATION,
@@ -44,7 +45,8 @@ class Observation:
 
     image_points (N, 2), raw px, and board_points (N, 2), board units, are the caller's;
     scaled_board (N, 2) is (board_points - board_mean) / board_size. collinear: the board points
-    lie on one line, or coincide. stamp: any value that identifies the observation.
+    lie on one line, or coincide. stamp: any value that identifies the observation. heights (N,):
+    of points of a board that is not flat, in units of board_size; None: it is flat.
     """
 
     image_points: Array
@@ -54,9 +56,33 @@ class Observation:
     board_size: float
     collinear: bool
     stamp: Any = None
+    heights: Array | None = None
 
     def __len__(self) -> int:
         return len(self.image_points)
+
+    def displaced(self, moved: Array) -> Observation:
+        """Return the points moved (N, 3), in units of board_size, to where they really are."""
+        board = self.scaled_board + moved[:, :2]
+        return replace(self, scaled_board=board, heights=np.ascontiguousarray(moved[:, 2]))
+
+    def with_pixels(self, pixels: Array, chosen: Mask) -> Observation:
+        """Return the chosen points, seen at other pixels (N, 2)."""
+        heights = None if self.heights is None else self.heights[chosen]
+        return replace(
+            self,
+            image_points=pixels[chosen],
+            board_points=self.board_points[chosen],
+            scaled_board=self.scaled_board[chosen],
+            heights=heights,
+        )
+
+    @property
+    def points_on_board(self) -> Array:
+        """Where the points really are, (N, 3), board units."""
+        flat = self.board_size * self.scaled_board + self.board_mean
+        heights = np.zeros(len(self)) if self.heights is None else self.board_size * self.heights
+        return np.column_stack([flat, heights])
 
     def row_from_pose(self, camera_from_board: Pose) -> Array:
         """Return the pose (12,) of the scaled board."""
@@ -120,6 +146,12 @@ class CenteredView:
     board: Array
     center_px: tuple[float, float]
     corner_px: float
+
+    @property
+    def heights(self) -> Array:
+        """Heights of the points over the board's plane (N,), scaled."""
+        heights = self.observation.heights
+        return np.zeros(len(self.image)) if heights is None else heights
 
 
 def observe(image_points: ArrayLike, board_points: ArrayLike, stamp: Any = None) -> Observation:

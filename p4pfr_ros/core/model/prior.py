@@ -2,11 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Gaussian priors on the lens: a typical camera, the caller's priors, or an earlier calibration.
+Gaussian priors on what views have in common: a typical camera, typical boards, earlier views.
 
-A prior is a mean and an information matrix (inverse covariance). It determines the parameters that
-the data do not; a handful of views outweighs it. Views that are no longer fitted are marginalised:
-their information about the lens is added to the prior.
+The typical ones determine what the data do not; a handful of views outweighs them. Views that are
+no longer fitted are marginalised: their information about lens and boards is added.
 """
 
 from __future__ import annotations
@@ -17,16 +16,26 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .lens import CX, CY, FOCAL, K, K2, K3, lens_from_camera, LENS_SIZE
-from ..cameras.division import DivisionCamera
-from ..geometry import Array
+from .board_shape import SHAPE_SIGMAS, SHAPE_SIZE
+from .lens import ASPECT, CX, CY, FOCAL, K, LENS_SIZE, P1, P2
+from ..geometry import Array, Ints
 from ..linalg import inverse_of_information
 
 # A typical camera has a field of view of 60° along the diagonal, and no distortion. These are the
 # standard deviations of real cameras from it.
 TYPICAL_HALF_FOV_RAD = math.radians(30.0)
 FOCAL_SIGMA = 0.5  # relative
-BEND_SIGMA = 0.3  # of k |d|² at the image's corner; likewise k2 |d|⁴ and k3 |d|⁶
+BEND_SIGMA = 0.3  # of k |d|² at the image's corner
+
+# Standard deviations of k to k4 of real lenses (an equidistant one has about -1/3, -1/45, -2/945
+# and -1/4725), and of their bends kᵢ |d|²ⁱ at the image's corner, for lenses so long that the first
+# would allow hardly any.
+TERM_SPREADS = (0.4, 0.03, 0.003, 0.0005)
+BEND_SPREADS = (0.2, 0.1, 0.02, 0.01)
+
+# Standard deviations of fy / fx - 1 and of p1 and p2, before the data ask for them and after.
+_ASPECT_SPREAD, _FREE_ASPECT_SPREAD = 0.003, 0.5
+_DECENTRING_SPREAD, _FREE_DECENTRING_SPREAD = 0.001, 0.05
 
 # Marginalised views count as at most this many; older ones fade, since a lens may change slowly,
 # with temperature for example.
@@ -35,6 +44,42 @@ _MOST_MARGINALISED = 2000.0
 # Smallest eigenvalue, with ones on the diagonal, of a matrix that counts as positive definite.
 _CLEARLY_POSITIVE = 1e-9
 
+# Most terms of the polynomial.
+MAX_ORDER = 4
+
+# What an ideal lens and sensor do not have.
+IMPERFECTIONS = [ASPECT, P1, P2]
+
+
+class FreeTerms(NamedTuple):
+    """
+    Which parameters of the lens are estimated, beside focal length and centre.
+
+    order: number of terms of the polynomial, 1 to 4; imperfect: aspect ratio fy / fx, p1 and p2.
+    The others are zero, and considered: their priors count in every covariance.
+    """
+
+    order: int = 1
+    imperfect: bool = False
+
+    @property
+    def columns(self) -> Ints:
+        """The places of the estimated parameters in a lens."""
+        columns = [FOCAL, CX, CY, *range(K, K + self.order)]
+        columns += IMPERFECTIONS if self.imperfect else []
+        return np.array(columns)
+
+    def with_boards(self, boards: int) -> Ints:
+        """Return the places of the estimated parameters of lens and boards."""
+        shapes = np.arange(LENS_SIZE, LENS_SIZE + SHAPE_SIZE * boards)
+        return np.concatenate([self.columns, shapes])
+
+
+def terms_of_lens(lens: Array) -> FreeTerms:
+    """Return the terms of a lens (10,) that are not zero."""
+    order = max((i + 1 for i in range(MAX_ORDER) if lens[K + i] != 0.0), default=1)
+    return FreeTerms(order, bool(lens[IMPERFECTIONS].any()))
+
 
 def typical_focal_px(corner_px: float) -> float:
     """Return the focal length of a typical camera; corner_px: from the centre to the corner."""
@@ -42,111 +87,193 @@ def typical_focal_px(corner_px: float) -> float:
 
 
 class WeightedPrior(NamedTuple):
-    """A prior for kernels: mean (6,), information (6, 6) times the noise variance, px²."""
+    """
+    A prior for kernels, px²: with d the difference from reference (C,), the cost dᵀ I d - 2 gᵀ d.
 
-    mean: Array
+    information I (C, C) and gradient g (C,) are multiplied by the noise variance.
+    """
+
+    reference: Array
     information: Array
+    gradient: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TypicalCamera:
+    """
+    The prior on a camera of which nothing is known.
+
+    corner_px: from the middle of the image to its corner; center_sigma_px; focal_px and its sigma;
+    k and its sigma (None: that of real lenses); aspect_sigma: of fy / fx.
+    """
+
+    corner_px: float
+    center_sigma_px: float
+    focal_px: float
+    focal_sigma_px: float
+    k: float = 0.0
+    k_sigma: float | None = None
+    aspect_sigma: float = _ASPECT_SPREAD
+
+    def at(self, focal_px: float, terms: FreeTerms, boards: int) -> tuple[Array, Array]:
+        """Return mean and standard deviations (C,) for a lens of about this focal length."""
+        mean = np.zeros(LENS_SIZE + SHAPE_SIZE * boards)
+        sigma = np.empty_like(mean)
+        mean[FOCAL], mean[K] = self.focal_px, self.k
+        sigma[FOCAL] = self.focal_sigma_px
+        sigma[CX] = sigma[CY] = self.center_sigma_px
+        unit = (focal_px / self.corner_px) ** 2
+        for i, (term, bend) in enumerate(zip(TERM_SPREADS, BEND_SPREADS, strict=True)):
+            sigma[K + i] = math.hypot(term, bend * unit ** (i + 1))
+        if self.k_sigma is not None:
+            sigma[K] = self.k_sigma
+        sigma[IMPERFECTIONS] = self.aspect_sigma, _DECENTRING_SPREAD, _DECENTRING_SPREAD
+        if terms.imperfect:
+            sigma[IMPERFECTIONS] = _FREE_ASPECT_SPREAD, *[_FREE_DECENTRING_SPREAD] * 2
+        sigma[LENS_SIZE:] = np.tile(SHAPE_SIGMAS, boards)
+        return mean, sigma
+
+    def information(self, focal_px: float, terms: FreeTerms) -> Array:
+        """Return the inverse variances (10,) of a lens of about this focal length."""
+        sigma = self.at(focal_px, terms, 0)[1]
+        information: Array = sigma**-2.0
+        return information
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LensPrior:
+class CommonPrior:
     """
-    A Gaussian prior on the lens: mean (6,) and information (6, 6).
+    The prior on lens and boards: a typical camera, typical boards, and earlier views.
 
-    marginalised (6, 6) is the part of the information from views that are no longer fitted; views
-    is the number of views in the prior.
+    Earlier views are a quadratic cost about reference (C,): information (C, C), gradient (C,).
+    marginalised (C, C): the part of the information from views of this calibration, not of a
+    loaded one; views: their number.
     """
 
-    mean: Array
+    typical: TypicalCamera
+    reference: Array
     information: Array
+    gradient: Array
     marginalised: Array
-    views: int
+    views: int = 0
 
     @classmethod
-    def without_views(cls, mean: Array, information: Array, views: int = 0) -> LensPrior:
-        """Return a prior without marginalised views; views: those of an earlier calibration."""
-        return cls(mean, information, np.zeros((LENS_SIZE, LENS_SIZE)), views)
+    def without_views(cls, typical: TypicalCamera) -> CommonPrior:
+        """Return the prior of a camera of which nothing is known."""
+        n = LENS_SIZE
+        none = np.zeros((n, n))
+        return cls(typical, np.zeros(n), none, np.zeros(n), none)
 
-    def marginalise(
-        self, information: Array, gradient: Array, lens: Array, variance: float
-    ) -> LensPrior:
-        """
-        Return the prior with the information (6, 6) and negative gradient (6,) of a view added.
+    @classmethod
+    def of_calibration(
+        cls, typical: TypicalCamera, lens: Array, covariance: Array, views: int
+    ) -> CommonPrior:
+        """Return the prior of a camera that was calibrated: lens (10,), covariance (10, 10)."""
+        known = np.flatnonzero(np.diag(covariance) > 0.0)
+        information = np.zeros((LENS_SIZE, LENS_SIZE))
+        information[np.ix_(known, known)] = inverse_of_information(
+            covariance[np.ix_(known, known)]
+        )
+        nothing = np.zeros_like(information)
+        return cls(typical, lens.copy(), information, np.zeros(LENS_SIZE), nothing, views)
 
-        Both are in px², at the given lens (6,); variance: of the noise, px².
-        """
-        # The view adds dᵀ S d - 2 gᵀ d to the cost, d the step from the lens. The sum of two
-        # quadratic functions has its minimum where their gradients cancel.
-        faded = self.marginalised / _MOST_MARGINALISED
-        total = self.information - faded + information / variance
-        if not _is_positive(total):  # rounding, in a view without information
+    @property
+    def boards(self) -> int:
+        """The number of boards whose shapes are in the prior."""
+        return (len(self.reference) - LENS_SIZE) // SHAPE_SIZE
+
+    def for_boards(self, boards: int) -> CommonPrior:
+        """Return the prior with room for more boards, of which nothing is known."""
+        more = SHAPE_SIZE * (boards - self.boards)
+        if more <= 0:
             return self
-        gradients = (information @ (lens - self.mean) + gradient) / variance
+        square, row = ((0, more), (0, more)), (0, more)
         return replace(
             self,
-            mean=self.mean + inverse_of_information(total) @ gradients,
+            reference=np.pad(self.reference, row),
+            information=np.pad(self.information, square),
+            gradient=np.pad(self.gradient, row),
+            marginalised=np.pad(self.marginalised, square),
+        )
+
+    def known_shape(self, board: int, numbers: Array, covariance: Array) -> CommonPrior:
+        """Return the prior with the shape of a board from an earlier calibration added."""
+        prior = self.for_boards(board + 1)
+        at = shape_slice(board)
+        reference, information = prior.reference.copy(), prior.information.copy()
+        reference[at], information[at, at] = numbers, inverse_of_information(covariance)
+        return replace(prior, reference=reference, information=information)
+
+    def without_board(self, board: int) -> CommonPrior:
+        """Return the prior with what it says of a board's shape marginalised."""
+        if board >= self.boards:
+            return self
+        at = np.arange(len(self.reference))[shape_slice(board)]
+        rest = np.setdiff1d(np.arange(len(self.reference)), at)
+        typical = np.diag(SHAPE_SIGMAS**-2.0)
+        inverse = inverse_of_information(self.information[np.ix_(at, at)] + typical)
+        across = self.information[np.ix_(rest, at)] @ inverse
+        information, marginalised = np.zeros((2, *self.information.shape))
+        gradient, reference = np.zeros((2, len(self.reference)))
+        reference[rest] = self.reference[rest]
+        kept = self.information[np.ix_(rest, rest)] - across @ self.information[np.ix_(at, rest)]
+        information[np.ix_(rest, rest)] = 0.5 * (kept + kept.T)
+        gradient[rest] = self.gradient[rest] - across @ self.gradient[at]
+        share = self.marginalised[np.ix_(rest, rest)]
+        marginalised[np.ix_(rest, rest)] = np.minimum(np.abs(share), np.abs(kept)) * np.sign(kept)
+        return CommonPrior(
+            self.typical, reference, information, gradient, marginalised, self.views
+        )
+
+    def marginalise(
+        self, information: Array, gradient: Array, common: Array, variance: float, at: Ints
+    ) -> CommonPrior:
+        """
+        Return the prior with the information (18, 18) and negative gradient (18,) of a view added.
+
+        Both are in px², at the given lens and boards (C,); variance: of the noise, px²; at: the
+        places (18,) of the view's lens and board among them.
+        """
+        # The view adds eᵀ S e - 2 gᵀ e to the cost, e the step from the linearisation, that is
+        # -2 (g + S (θ - reference))ᵀ d with d the step from the reference.
+        faded = self.marginalised / _MOST_MARGINALISED
+        total = self.information - faded
+        # The faded part is taken from a quadratic about the present estimate.
+        gradients = self.gradient - faded @ (common - self.reference)
+        total[np.ix_(at, at)] += information / variance
+        added = gradient + information @ (common[at] - self.reference[at])
+        gradients[at] += added / variance
+        marginalised = self.marginalised - faded
+        marginalised[np.ix_(at, at)] += information / variance
+        return replace(
+            self,
             information=total,
-            marginalised=self.marginalised - faded + information / variance,
+            gradient=gradients,
+            marginalised=marginalised,
             views=self.views + 1,
         )
 
-
-def typical_camera(
-    image_size: tuple[int, int],
-    center_sigma: float,
-    focal: tuple[float, float] | None,
-    k: tuple[float, float | None],
-) -> LensPrior:
-    """
-    Return the prior of a typical camera; the caller's own priors replace its entries.
-
-    Parameters
-    ----------
-    image_size
-        (width, height), px.
-    center_sigma
-        Standard deviation of the centre from the middle of the image, as a share of the diagonal.
-    focal
-        The caller's mean and standard deviation of the focal length, px; None: not given.
-    k
-        The caller's mean of k, and its standard deviation (None: not given).
-
-    """
-    diagonal_px = math.hypot(*image_size)
-    corner_px = 0.5 * diagonal_px
-    focal_px, focal_sigma_px = focal or (0.0, 0.0)
-    if focal is None:
-        focal_px = typical_focal_px(corner_px)
-        focal_sigma_px = FOCAL_SIGMA * focal_px
-    corner2 = (corner_px / focal_px) ** 2
-    mean, sigma = np.zeros(LENS_SIZE), np.empty(LENS_SIZE)
-    mean[FOCAL], mean[K] = focal_px, k[0]
-    sigma[FOCAL] = focal_sigma_px
-    sigma[CX] = sigma[CY] = center_sigma * diagonal_px
-    sigma[K] = k[1] or BEND_SIGMA / corner2
-    sigma[K2], sigma[K3] = BEND_SIGMA / corner2**2, BEND_SIGMA / corner2**3
-    return LensPrior.without_views(mean, np.diag(sigma**-2.0))
+    def weighted(
+        self, variance: float, focal_px: float, terms: FreeTerms, boards: int
+    ) -> WeightedPrior:
+        """Return the whole prior for kernels, for a lens of about this focal length."""
+        prior = self.for_boards(boards)
+        mean, sigma = self.typical.at(focal_px, terms, boards)
+        # About the earlier views' reference; the typical camera's gradient there is w (m - r).
+        weights = sigma**-2.0
+        return WeightedPrior(
+            prior.reference,
+            variance * (prior.information + np.diag(weights)),
+            variance * (prior.gradient + weights * (mean - prior.reference)),
+        )
 
 
-def calibrated_camera(
-    camera: DivisionCamera,
-    covariance: Array,
-    views: int,
-    middle_px: tuple[float, float],
-    typical: LensPrior,
-) -> LensPrior:
-    """Return an earlier calibration as a prior; its fixed terms get that of a typical camera."""
-    free = np.diag(covariance) > 0.0
-    information = typical.information.copy()
-    information[np.ix_(free, free)] = inverse_of_information(covariance[np.ix_(free, free)])
-    mean = np.where(free, lens_from_camera(camera, middle_px), typical.mean)
-    return LensPrior.without_views(mean, information, views)
+def shape_slice(board: int) -> slice:
+    """Return the places of a board's shape among lens and boards."""
+    return slice(LENS_SIZE + SHAPE_SIZE * board, LENS_SIZE + SHAPE_SIZE * (board + 1))
 
 
-def _is_positive(information: Array) -> bool:
-    """Return whether a matrix of mixed units is clearly positive definite."""
-    size = np.sqrt(np.maximum(np.diag(information), 0.0))
-    if not (size > 0.0).all():
-        return False
-    scaled = information / np.outer(size, size)
-    return bool(np.linalg.eigvalsh(scaled)[0] > _CLEARLY_POSITIVE)
+def common_places(board: int) -> Ints:
+    """Return the places (18,) of the lens and a board's shape among lens and boards."""
+    at = shape_slice(board)
+    return np.concatenate([np.arange(LENS_SIZE), np.arange(at.start, at.stop)])

@@ -36,6 +36,7 @@ from ..cameras.division import DivisionCamera
 from ..geometry import Array, as_points
 from ..minimal.roots import MAX_ROOTS
 from ..minimal.solution import G, H, ROW_SIZE
+from ..model.board_shape import BoardShape
 from ..model.observation import (
     CenteredView,
     FEWEST_POINTS,
@@ -58,6 +59,7 @@ def estimate_pose(
     image_size: tuple[int, int] | None = None,
     center_px: tuple[float, float] | None = None,
     camera: DivisionCamera | CameraInfoModel | None = None,
+    board_shape: BoardShape | None = None,
     options: EstimateOptions | None = None,
 ) -> PoseEstimate:
     """
@@ -81,6 +83,8 @@ def estimate_pose(
         not needed; with image_size a wrong centre is noticed, too. If the view shows that the
         camera does not fit, there is no estimate, with status MISFIT. With a CameraInfoModel,
         ``model.camera`` of the result is the division camera closest to it.
+    board_shape
+        How the board deviates from its specification, from a calibration with it.
     options
         Options of the search.
 
@@ -89,11 +93,11 @@ def estimate_pose(
     ValueError
         A wrong shape, a number that is not finite, or neither image_size, center_px nor camera.
     TypeError
-        camera or options is of another type.
+        camera, board_shape or options is of another type.
 
     """
     options = _checked_options(options)
-    observation = observe(image_points, board_points)
+    observation = _on_real_board(observe(image_points, board_points), board_shape)
     size = None if image_size is None else checked_image_size(image_size)
     if isinstance(camera, CameraInfoModel):
         size = camera.image_size
@@ -148,12 +152,13 @@ def estimate_observation(
     if not options.two_sided and is_mirrored(view.image, view.board, options.threshold_px**2):
         return no_estimate(Status.SEEN_FROM_BEHIND, len(view.image), 0)
     problem = ViewProblem(view, camera, options)
-    if options.has_deviations:
+    is_full = options.has_deviations or observation.heights is not None
+    if is_full:
         problem = FullViewProblem(view, camera, options, center_known)
     four = len(view.image) == 4
     estimate = _estimate_from_four(problem) if four else _estimate_from_many(problem)
     # Full fits that show the back have been dropped.
-    return estimate if options.has_deviations else _of_visible_side(estimate, options)
+    return estimate if is_full else _of_visible_side(estimate, options)
 
 
 def search_poses(
@@ -185,6 +190,17 @@ def _of_visible_side(estimate: PoseEstimate, options: EstimateOptions) -> PoseEs
     return replace(estimate, alternatives=front) if dropped else estimate
 
 
+def _on_real_board(observation: Observation, shape: BoardShape | None) -> Observation:
+    """Return the points where they are on the real board."""
+    if shape is None or observation.collinear:
+        return observation
+    if not isinstance(shape, BoardShape):
+        raise TypeError(f'board_shape must be a BoardShape, got {type(shape).__name__}')
+    moved = shape.points(observation.board_points)
+    moved[:, :2] -= observation.board_points
+    return observation.displaced(moved / observation.board_size)
+
+
 def _checked_options(options: EstimateOptions | None) -> EstimateOptions:
     if options is None:
         return _DEFAULTS
@@ -208,7 +224,7 @@ def _estimate_by_model(
     visible = ~np.isnan(pixels).any(axis=1)
     if np.count_nonzero(visible) < FEWEST_POINTS:
         return no_estimate(Status.NO_SOLUTION, len(observation), 0)
-    replaced = observe(pixels[visible], observation.board_points[visible])
+    replaced = observation.with_pixels(pixels, visible)
     estimate = estimate_observation(replaced, model.image_size, None, camera, options)
     inliers = np.zeros(len(observation), dtype=bool)
     inliers[visible] = estimate.inliers
@@ -238,7 +254,7 @@ def _estimate_from_four(view: ViewProblem) -> PoseEstimate:
     # All four are inliers: without a prior a free camera fits them exactly.
     refine_all(rows, count, problem, costs)
     rows, costs = rows[:count], costs[:count]
-    if not view.options.has_deviations:  # otherwise the full fits are judged
+    if not isinstance(view, FullViewProblem):  # otherwise the full fits are judged
         within = [i for i in range(count) if plausible(rows[i], problem)]
         rows, costs = rows[within], costs[within]
     if len(rows) == 0:

@@ -18,6 +18,7 @@ from typing import NamedTuple
 from .full_model import (
     add_priors,
     BEND,
+    BENDS,
     FullProblem,
     FullWork,
     LENS,
@@ -135,14 +136,14 @@ def _straighten(state: Array, trial: Array) -> bool:
     """
     Move a step of log f and the bends onto a straight line of f and f bᵢ; False if f is not > 0.
 
-    A pixel's ray goes through its point if  ρ (f + f b₁ τ² + f b₂ τ⁴ + f b₃ τ⁶) = r (Z + t_z),
+    A pixel's ray goes through its point if  ρ (f + f b₁ τ² + f b₂ τ⁴ + ...) = r (Z + t_z),
     τ = r/R: it is linear in f, f bᵢ and t_z, and steps along that valley can be long.
     """
     share = 1.0 + trial[LENS + LOG_FOCAL] - state[LENS + LOG_FOCAL]
     if not 0.1 < share < 10.0:
         return False
     trial[LENS + LOG_FOCAL] = state[LENS + LOG_FOCAL] + math.log(share)
-    for i in range(LENS + BEND, LENS + BEND + 3):
+    for i in range(LENS + BEND, LENS + BEND + BENDS):
         trial[i] = state[i] + (trial[i] - state[i]) / share
     return True
 
@@ -299,4 +300,5 @@ def _set_equidistant(state: Array, problem: FullProblem, half_fov_rad: float) ->
     state[LENS + BEND] = -square / 3.0
     state[LENS + BEND + 1] = -square * square / 45.0
     state[LENS + BEND + 2] = -2.0 * square * square * square / 945.0
+    state[LENS + BEND + 3] = 0.0
     set_usual_bends(state, problem)

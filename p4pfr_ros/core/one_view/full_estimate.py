@@ -23,8 +23,8 @@ import numpy as np
 from .describe import assessment, MAX_RATIO, shows_back, ViewProblem
 from .full_fit import fit_view, FullFit, other_focal_excess, Rules
 from .full_model import (
-    ASPECT,
     BEND,
+    BENDS,
     BOW_XX,
     DEVIATIONS,
     FullProblem,
@@ -53,14 +53,18 @@ from ..geometry import Array, Ints, Pose, POSE_SIZE, TRANSLATION
 from ..linalg import inverse_of_information
 from ..minimal.solution import G, H, Solution
 from ..model.lens import (
+    ASPECT,
+    camera_from_lens,
     CX,
     CY,
     FOCAL,
     K,
+    lens_from_camera,
     LENS_SIZE,
+    P2,
     POSE_COLUMNS,
 )
-from ..model.prior import typical_focal_px
+from ..model.prior import BEND_SPREADS, typical_focal_px
 from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, DEFAULT_SIGMA_PX, sigma_at
 
 # With fewer points the residuals do not measure the noise.
@@ -85,6 +89,9 @@ _FROM_THE_VIEW = 0.5
 # Optima with rotations closer than this, rad, are the same.
 _SAME_RAD = 0.02
 
+# The bends in a lens.
+_BENDS_AT = slice(BEND, BEND + BENDS)
+
 # Beyond this difference of logarithms a focal length is tried with a typical one instead, too.
 _FAR_FROM_TYPICAL = 1.5
 
@@ -93,7 +100,7 @@ class _Lens(NamedTuple):
     """
     What is known of lens and deviations before the view.
 
-    mean (6,) and information (6, 6) as ``full_model`` parametrises the lens; usual, sizes and
+    mean (10,) and information (10, 10) as ``full_model`` parametrises the lens; usual, sizes and
     active: see ``FullProblem``.
     """
 
@@ -106,7 +113,7 @@ class _Lens(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A full fit: state (25,), lens (6,), squared errors (N,), covariance (8, 8), and numbers."""
+    """A full fit: state (28,), lens (10,), squared errors (N,), covariance (8, 8), and numbers."""
 
     state: Array
     lens: Array
@@ -121,7 +128,7 @@ class FullViewProblem(ViewProblem):
     A view whose camera and board may deviate as the options allow.
 
     center_known: whether the principal point is given.
-    lens_prior: mean (6,) and covariance (6, 6) of a known camera's lens; None: it is exact.
+    lens_prior: mean (10,) and covariance (10, 10) of a known camera's lens; None: it is exact.
     noise_px: standard deviation of a coordinate, where the points are too few to measure it.
     """
 
@@ -208,7 +215,7 @@ class FullViewProblem(ViewProblem):
         return self._ranked(fits)[0][1]
 
     def _starts(self, rows: Iterable[Array]) -> list[Array]:
-        """Return the starts (18,) of rows: pose and lens."""
+        """Return the starts (22,) of rows: pose and lens."""
         starts = []
         for row in rows:
             start = np.zeros(POSE_SIZE + LENS_SIZE)
@@ -335,11 +342,7 @@ class FullViewProblem(ViewProblem):
         return share
 
     def _model(self, fit: _Fit) -> Solution:
-        camera = self.camera
-        if camera is None:
-            focal_px, x, y, k, k2, k3 = fit.lens.tolist()
-            x, y = x + self.view.center_px[0], y + self.view.center_px[1]
-            camera = DivisionCamera.unchecked(focal_px, (x, y), k, k2, k3)
+        camera = self.camera or camera_from_lens(fit.lens, self.view.center_px)
         return Solution(camera, self.view.observation.pose_from_row(fit.state[:POSE_SIZE]))
 
     def _given(self, row: Array) -> FullProblem:
@@ -353,7 +356,8 @@ class FullViewProblem(ViewProblem):
         else:
             given = _usual_lens(options, view.corner_px, self.center_known)
             given = self._with_prior_on_k(options.prior_focal_px or float(row[G]), given)
-        return FullProblem(view.image, view.board, view.corner_px, *given)
+        board = np.column_stack([view.board, view.heights])
+        return FullProblem(view.image, board, view.corner_px, *given)
 
     def _with_prior_on_k(self, focal_px: float, given: _Lens) -> _Lens:
         """Add the caller's prior on k = b₁ (f/R)², linear about a focal length."""
@@ -364,38 +368,42 @@ class FullViewProblem(ViewProblem):
         # dk = unit db₁ + 2 k d(log f); the mean has the given k at its own focal length.
         by = np.zeros(LENS_SIZE)
         by[LOG_FOCAL], by[BEND] = 2.0 * options.prior_k, unit
-        information[BEND:, BEND:] = np.diag([0.0, 0.1**-2, 0.02**-2])
+        information[_BENDS_AT, _BENDS_AT] = np.diag([0.0, *np.power(BEND_SPREADS[1:], -2.0)])
         information += np.outer(by, by) / sigma**2
         mean[BEND] = options.prior_k * (1.0 + 2.0 * (math.log(focal_px) - mean[LOG_FOCAL])) / unit
         return given._replace(mean=mean, information=information, usual=0.0)
 
 
 def lens_of_camera(camera: DivisionCamera) -> Array:
-    """Return the lens (6,) of a camera, relative to its own centre."""
-    return np.array([camera.focal_px, 0.0, 0.0, camera.k, camera.k2, camera.k3])
+    """Return the lens (10,) of a camera, relative to its own centre."""
+    return lens_from_camera(camera, camera.center_px)
 
 
 def _known_lens(
     options: EstimateOptions, lens: Array, corner_px: float, covariance: Array | None
 ) -> _Lens:
-    """Return a known lens (6,); terms of zero variance keep their values."""
-    unit = (corner_px / lens[FOCAL]) ** 2
+    """Return a known lens (10,); terms of zero variance keep their values."""
+    powers = (corner_px / lens[FOCAL]) ** (2.0 * np.arange(1, BENDS + 1))
     mean = lens.copy()
     mean[LOG_FOCAL] = math.log(lens[FOCAL])
-    mean[BEND:] *= unit, unit**2, unit**3
+    mean[_BENDS_AT] *= powers
     exact = _exact_lens(options)
     if covariance is None:
         return exact._replace(mean=mean)
-    # θ = (log f, c, bᵢ = kᵢ (R/f)²ⁱ):  d(log f) = df / f,  dbᵢ = (R/f)²ⁱ dkᵢ - 2i bᵢ df / f.
+    # θ = (log f, c, bᵢ = kᵢ (R/f)²ⁱ, ...):  d(log f) = df / f,
+    # dbᵢ = (R/f)²ⁱ dkᵢ - 2i bᵢ df / f.
     jacobian = np.eye(LENS_SIZE)
     jacobian[LOG_FOCAL, FOCAL] = 1.0 / lens[FOCAL]
-    for i in range(3):
-        jacobian[BEND + i, K + i] = unit ** (i + 1)
+    for i in range(BENDS):
+        jacobian[BEND + i, K + i] = powers[i]
         jacobian[BEND + i, FOCAL] = -(2 * i + 2) * mean[BEND + i] / lens[FOCAL]
     free = np.diag(covariance) > 0.0
     transformed = (jacobian @ covariance @ jacobian.T)[np.ix_(free, free)]
     information = np.zeros((LENS_SIZE, LENS_SIZE))
     information[np.ix_(free, free)] = inverse_of_information(transformed)
+    if not free[ASPECT] and options.aspect_spread > 0.0:
+        free[ASPECT] = True
+        information[ASPECT, ASPECT] = options.aspect_spread**-2.0
     active = np.concatenate([np.ones(POSE_COLUMNS, dtype=bool), free, exact.sizes > 0.0])
     return _Lens(mean, information, 0.0, exact.sizes, np.flatnonzero(active))
 
@@ -406,6 +414,9 @@ def _exact_lens(options: EstimateOptions) -> _Lens:
     sizes = _sizes_of(options)
     active = np.concatenate([np.arange(PARAMETERS - DEVIATIONS) < POSE_COLUMNS, sizes > 0.0])
     information = np.zeros((LENS_SIZE, LENS_SIZE))
+    if options.aspect_spread > 0.0:
+        active[POSE_COLUMNS + ASPECT] = True
+        information[ASPECT, ASPECT] = options.aspect_spread**-2.0
     return _Lens(np.zeros(LENS_SIZE), information, 0.0, sizes, np.flatnonzero(active))
 
 
@@ -421,11 +432,15 @@ def _usual_lens(options: EstimateOptions, corner_px: float, center_known: bool) 
     center_known = center_known or options.center_spread == 0.0
     if not center_known:
         sigma[CX] = sigma[CY] = options.center_spread * 2.0 * corner_px
+    if options.aspect_spread > 0.0:
+        sigma[ASPECT] = options.aspect_spread
     sizes = _sizes_of(options)
     sizes[SHEAR] = 0.0  # which would cost an unknown camera half of its accuracy
     active = np.ones(PARAMETERS, dtype=bool)
     active[POSE_COLUMNS + CX : POSE_COLUMNS + CY + 1] = not center_known
-    active[POSE_COLUMNS + BEND + 1 : POSE_COLUMNS + LENS_SIZE] = options.lens_spread > 0.0
+    active[POSE_COLUMNS + BEND + 1 : POSE_COLUMNS + BEND + 3] = options.lens_spread > 0.0
+    active[POSE_COLUMNS + BEND + 3 : POSE_COLUMNS + P2 + 1] = False
+    active[POSE_COLUMNS + ASPECT] = options.aspect_spread > 0.0
     active[POSE_COLUMNS + LENS_SIZE :] = sizes > 0.0
     usual = options.lens_spread or 1.0
     return _Lens(mean, np.diag(sigma**-2.0), usual, sizes, np.flatnonzero(active))
@@ -433,7 +448,7 @@ def _usual_lens(options: EstimateOptions, corner_px: float, center_known: bool) 
 
 def _sizes_of(options: EstimateOptions) -> Array:
     sizes = np.zeros(DEVIATIONS)
-    sizes[ASPECT], sizes[SHEAR] = options.aspect_spread, options.image_shear
+    sizes[SHEAR] = options.image_shear
     sizes[STRETCH : STRETCH + 2] = options.board_stretch
     sizes[BOW_XX:] = options.board_bow
     return sizes

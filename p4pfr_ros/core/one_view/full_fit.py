@@ -139,9 +139,9 @@ def fit_view(
     covariance: Array,
 ) -> FullFit:
     """
-    Fit a view from a start (18,): pose (12,) of the scaled board and lens (6,).
+    Fit a view from a start (22,): pose (12,) of the scaled board and lens (10,).
 
-    Write the state (25,), the lens (6,), the squared errors (N,), px², and the covariance (8, 8)
+    Write the state (28,), the lens (10,), the squared errors (N,), px², and the covariance (8, 8)
     of x, y, z, rotation x, y, z, focal_px, k. board_scale: see ``Observation``.
     """
     problem = _own(given)

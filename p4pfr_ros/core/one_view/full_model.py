@@ -27,14 +27,15 @@ import numpy as np
 from ..geometry import Array, Ints, POSE_SIZE, TRANSLATION
 from ..jit import jit, kernel
 from ..model import lens as lens_kernels
-from ..model.lens import CX, CY, FOCAL, K, K2, K3, LENS_SIZE, POSE_COLUMNS
+from ..model.lens import ASPECT, CX, CY, FOCAL, K, K4, LENS_END, LENS_SIZE, P2, POSE_COLUMNS
+from ..model.prior import BEND_SPREADS, TERM_SPREADS
 
-# Deviations: log(fy / fx) of the pixels, shear of the image along its rows (rolling shutter), and
-# of the board: stretch along x (and shrinkage along y), skew, and height over x², xy and y².
-ASPECT, SHEAR, STRETCH, SKEW, BOW_XX, BOW_XY, BOW_YY = range(7)
-DEVIATIONS = 7
+# Deviations: shear of the image along its rows (rolling shutter), and of the board: stretch along
+# x (and shrinkage along y), skew, and height over x², xy and y².
+SHEAR, STRETCH, SKEW, BOW_XX, BOW_XY, BOW_YY = range(6)
+DEVIATIONS = 6
 
-# Places in a state (25,): pose of the scaled board, lens as parametrised here, deviations.
+# Places in a state (28,): pose of the scaled board, lens as parametrised here, deviations.
 LENS = POSE_SIZE
 DEVIATION = POSE_SIZE + LENS_SIZE
 STATE_SIZE = DEVIATION + DEVIATIONS
@@ -43,27 +44,24 @@ STATE_SIZE = DEVIATION + DEVIATIONS
 LENS_COLUMN = POSE_COLUMNS
 DEVIATION_COLUMN = POSE_COLUMNS + LENS_SIZE
 PARAMETERS = DEVIATION_COLUMN + DEVIATIONS
+# Padded, so that loops over columns have a constant length of whole vectors.
+WIDTH = 24
 
 # Rows of derivatives that are added to the normal equations together.
 BLOCK = 8
 
-LOG_FOCAL, BEND = 0, 3  # places in the lens as parametrised here; the bends are the last three
-
-
-# Standard deviations of k, k2 and k3 of real lenses (an equidistant one has about -1/3, -1/45 and
-# -2/945), and of the bends of lenses so long that this would allow hardly any.
-_TERM_SPREADS = (0.4, 0.03, 0.003)
-_BEND_SPREADS = (0.2, 0.1, 0.02)
+LOG_FOCAL, BEND = 0, 3  # places in the lens as parametrised here; there are four bends
+BENDS = 4
 
 
 class FullProblem(NamedTuple):
     """
     One view and the priors of everything but its pose.
 
-    image (N, 2) px from the middle of the image; board (N, 2) scaled; corner_px: R
-    mean (6,), information (6, 6): the prior on the lens, as parametrised here
+    image (N, 2) px from the middle of the image; board (N, 3) scaled, with heights; corner_px: R
+    mean (10,), information (10, 10): the prior on the lens, as parametrised here
     usual: multiple of the usual spread of the bends, which depends on f; 0: as given
-    sizes (7,): standard deviations of the deviations
+    sizes (6,): standard deviations of the deviations
     active (M,): the columns that are estimated; the others keep their values
     """
 
@@ -95,13 +93,13 @@ class FullWork(NamedTuple):
 @jit
 def full_work(points: int) -> FullWork:
     """Allocate the workspace for a number of points."""
-    size = (PARAMETERS, PARAMETERS + 1)
+    size = (PARAMETERS, WIDTH)
     return FullWork(
         np.empty(LENS_SIZE),
-        np.empty((2, lens_kernels.COLUMNS)),
-        np.empty((BLOCK, PARAMETERS + 1)),
-        np.empty(size),
-        np.empty(size),
+        np.empty((2, LENS_END)),
+        np.zeros((BLOCK, WIDTH)),
+        np.zeros(size),
+        np.zeros(size),
         np.empty(size),
         np.empty(STATE_SIZE),
         np.empty((PARAMETERS, PARAMETERS)),
@@ -112,27 +110,33 @@ def full_work(points: int) -> FullWork:
 
 @kernel
 def lens_of(state: Array, corner_px: float, lens: Array) -> None:
-    """Write the lens (6,) in the units of ``model.lens``."""
+    """Write the lens (10,) in the units of ``model.lens``."""
     focal_px = math.exp(state[LENS + LOG_FOCAL])
     unit = (focal_px / corner_px) ** 2
     lens[FOCAL] = focal_px
     lens[CX], lens[CY] = state[LENS + CX], state[LENS + CY]
-    lens[K] = state[LENS + BEND] * unit
-    lens[K2] = state[LENS + BEND + 1] * unit * unit
-    lens[K3] = state[LENS + BEND + 2] * unit * unit * unit
+    power = 1.0
+    for i in range(BENDS):
+        power *= unit
+        lens[K + i] = state[LENS + BEND + i] * power
+    for i in range(ASPECT, P2 + 1):
+        lens[i] = state[LENS + i]
 
 
 @kernel
 def state_from(row: Array, lens: Array, corner_px: float, state: Array) -> None:
-    """Write the state of a pose (12,) and a lens (6,), without deviations."""
+    """Write the state of a pose (12,) and a lens (10,), without deviations."""
     for i in range(POSE_SIZE):
         state[i] = row[i]
     unit = (corner_px / lens[FOCAL]) ** 2
     state[LENS + LOG_FOCAL] = math.log(lens[FOCAL])
     state[LENS + CX], state[LENS + CY] = lens[CX], lens[CY]
-    state[LENS + BEND] = lens[K] * unit
-    state[LENS + BEND + 1] = lens[K2] * unit * unit
-    state[LENS + BEND + 2] = lens[K3] * unit * unit * unit
+    power = 1.0
+    for i in range(BENDS):
+        power *= unit
+        state[LENS + BEND + i] = lens[K + i] * power
+    for i in range(ASPECT, P2 + 1):
+        state[LENS + i] = lens[i]
     for i in range(DEVIATIONS):
         state[DEVIATION + i] = 0.0
 
@@ -144,7 +148,7 @@ def _on_the_board(state: Array, problem: FullProblem, i: int) -> tuple[float, fl
     size, at = problem.sizes, DEVIATION
     stretch, skew = size[STRETCH] * state[at + STRETCH], size[SKEW] * state[at + SKEW]
     bx, by = x + stretch * x + skew * y, y - stretch * y + skew * x
-    bz = (
+    bz = problem.board[i, 2] + (
         size[BOW_XX] * state[at + BOW_XX] * x * x
         + size[BOW_XY] * state[at + BOW_XY] * x * y
         + size[BOW_YY] * state[at + BOW_YY] * y * y
@@ -163,10 +167,8 @@ def squared_error(state: Array, lens: Array, problem: FullProblem, i: int) -> fl
     u, v = problem.image[i, 0], problem.image[i, 1]
     x, y = qx + state[TRANSLATION], qy + state[TRANSLATION + 1]
     dx, dy = lens_kernels.offset_px(x, y, qz + state[TRANSLATION + 2], lens, u, v)
-    half = 0.5 * problem.sizes[ASPECT] * state[DEVIATION + ASPECT]
     shear = problem.sizes[SHEAR] * state[DEVIATION + SHEAR]
-    ex = lens[CX] + (1.0 - half) * dx + shear * dy - u
-    ey = lens[CY] + (1.0 + half) * dy - v
+    ex, ey = lens[CX] + dx + shear * dy - u, lens[CY] + dy - v
     error: float = ex * ex + ey * ey
     return error if error < math.inf else math.inf
 
@@ -179,44 +181,38 @@ def _linearise(state: Array, problem: FullProblem, i: int, row: int, work: FullW
     u, v = problem.image[i, 0], problem.image[i, 1]
     size = problem.sizes
     qx, qy, qz = _on_the_board(state, problem, i)
-    lens_kernels.linearise_rotated(qx, qy, qz, state, lens, u, v, point)
-    dx = point[0, lens_kernels.RESIDUAL] + u - lens[CX]
-    dy = point[1, lens_kernels.RESIDUAL] + v - lens[CY]
-    half = 0.5 * size[ASPECT] * state[DEVIATION + ASPECT]
+    dx, dy = lens_kernels.linearise_rotated(qx, qy, qz, state, lens, u, v, point)
     shear = size[SHEAR] * state[DEVIATION + SHEAR]
-    # The pixel from the centre, d = (dx, dy), moves to  (1 - α/2) dx + σ dy,  (1 + α/2) dy.
-    for c in range(lens_kernels.RESIDUAL):
-        point[0, c] = (1.0 - half) * point[0, c] + shear * point[1, c]
-        point[1, c] = (1.0 + half) * point[1, c]
+    # The pixel from the centre, d = (dx, dy), moves to  dx + σ dy,  dy.
+    if shear != 0.0:
+        for c in range(LENS_END):
+            point[0, c] += shear * point[1, c]
     for j in range(2):
         for c in range(POSE_COLUMNS):
             jacobian[j, c] = point[j, c]
         jacobian[j, 6 + CX], jacobian[j, 6 + CY] = 1.0 - j, j
+        for c in range(6 + ASPECT, LENS_END):
+            jacobian[j, c] = point[j, c]
         _lens_columns(j, problem.corner_px, lens, point, jacobian)
         _board_columns(j, problem, i, state, point, jacobian)
     at = DEVIATION_COLUMN
-    jacobian[0, at + ASPECT] = -0.5 * size[ASPECT] * dx
-    jacobian[1, at + ASPECT] = 0.5 * size[ASPECT] * dy
     jacobian[0, at + SHEAR], jacobian[1, at + SHEAR] = size[SHEAR] * dy, 0.0
-    jacobian[0, PARAMETERS] = lens[CX] + (1.0 - half) * dx + shear * dy - u
-    jacobian[1, PARAMETERS] = lens[CY] + (1.0 + half) * dy - v
+    jacobian[0, PARAMETERS] = lens[CX] + dx + shear * dy - u
+    jacobian[1, PARAMETERS] = lens[CY] + dy - v
 
 
 @kernel
 def _lens_columns(j: int, corner_px: float, lens: Array, point: Array, jacobian: Array) -> None:
     """Write the derivatives of coordinate j by log f and the bends."""
     unit = (lens[FOCAL] / corner_px) ** 2
-    by_k, by_k2, by_k3 = point[j, 6 + K], point[j, 6 + K2], point[j, 6 + K3]
     # At constant bends kᵢ grows with f²ⁱ.
-    jacobian[j, 6 + LOG_FOCAL] = (
-        lens[FOCAL] * point[j, 6 + FOCAL]
-        + 2.0 * lens[K] * by_k
-        + 4.0 * lens[K2] * by_k2
-        + 6.0 * lens[K3] * by_k3
-    )
-    jacobian[j, 6 + BEND] = unit * by_k
-    jacobian[j, 7 + BEND] = unit * unit * by_k2
-    jacobian[j, 8 + BEND] = unit * unit * unit * by_k3
+    along, power = lens[FOCAL] * point[j, 6 + FOCAL], 1.0
+    for i in range(BENDS):
+        power *= unit
+        by_term = point[j, 6 + K + i]
+        along += (2.0 * i + 2.0) * lens[K + i] * by_term
+        jacobian[j, 6 + BEND + i] = power * by_term
+    jacobian[j, 6 + LOG_FOCAL] = along
 
 
 @kernel
@@ -254,9 +250,9 @@ def set_usual_bends(state: Array, problem: FullProblem) -> None:
     log_unit = 2.0 * (math.log(problem.corner_px) - state[LENS + LOG_FOCAL])
     unit = math.exp(min(max(log_unit, -50.0), 50.0))
     power = 1.0
-    for i in range(3):
+    for i in range(BENDS):
         power *= unit
-        spread2 = (_TERM_SPREADS[i] * power) ** 2 + _BEND_SPREADS[i] ** 2
+        spread2 = (TERM_SPREADS[i] * power) ** 2 + BEND_SPREADS[i] ** 2
         problem.information[BEND + i, BEND + i] = 1.0 / (problem.usual**2 * spread2)
 
 
@@ -274,7 +270,7 @@ def farthest_px(image: Array, lens: Array) -> float:
 def half_field(lens: Array, radius_px: float) -> tuple[float, float]:
     """Return angle to the axis, radians, and bend of the ray at a distance from the centre."""
     q = (radius_px / lens[FOCAL]) ** 2
-    bend = q * (lens[K] + q * (lens[K2] + q * lens[K3]))
+    bend = q * (lens[K] + q * (lens[K + 1] + q * (lens[K + 2] + q * lens[K4])))
     return math.atan2(math.sqrt(q), 1.0 + bend), bend
 
 
@@ -310,7 +306,7 @@ def normal_equations(
     """
     points, block, n = work.points, work.block, PARAMETERS
     for a in range(n):
-        for b in range(n + 1):
+        for b in range(WIDTH):
             points[a, b] = 0.0
     lens_of(state, problem.corner_px, work.lens)
     count, total, rows = 0, 0.0, 0
@@ -341,7 +337,7 @@ def normal_equations(
 def _add_block(block: Array, points: Array) -> None:
     """Add JᵀJ and Jᵀr of eight rows; a loop of constant length over columns is vectorised."""
     for a in range(PARAMETERS):
-        for b in range(PARAMETERS + 1):
+        for b in range(WIDTH):
             points[a, b] += (
                 (block[0, a] * block[0, b] + block[1, a] * block[1, b])
                 + (block[2, a] * block[2, b] + block[3, a] * block[3, b])
@@ -355,7 +351,7 @@ def add_priors(state: Array, problem: FullProblem, variance: float, work: FullWo
     """Write the information and negative gradient of points and priors, px², to work.normal."""
     normal, n = work.normal, PARAMETERS
     for a in range(n):
-        for b in range(n + 1):
+        for b in range(WIDTH):
             normal[a, b] = work.points[a, b]
     for a in range(LENS_SIZE):
         for b in range(LENS_SIZE):

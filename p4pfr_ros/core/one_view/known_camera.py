@@ -24,6 +24,7 @@ from ..minimal.cone import board_weights
 from ..minimal.pose import board_duals, orthogonal_factor, unscale
 from ..minimal.solution import G, H, ROW_SIZE
 from ..minimal.solver import Workspace
+from ..model.lens import ASPECT, depth_and_slope, FOCAL, inverse_decentring, with_decentring
 from ..model.normal_equations import add_point, fill_pose_columns
 
 # Rays within this angle, radians, coincide.
@@ -31,27 +32,31 @@ _ONE_RAY = 1e-12
 
 
 @kernel
-def rays_and_across(
-    image: Array, lens: tuple[float, float, float, float], rays: Array, across: Array
-) -> None:
+def rays_and_across(image: Array, lens: Array, rays: Array, across: Array) -> None:
     """Write the unit rays (N, 3) of pixels from the centre (N, 2), and W (N, 2, 3)."""
-    focal_px, k, k2, k3 = lens
+    fx, fy = lens[FOCAL], lens[FOCAL] * (1.0 + lens[ASPECT])
     for i in range(len(image)):
-        x, y = image[i, 0] / focal_px, image[i, 1] / focal_px
+        dx, dy = image[i, 0] / fx, image[i, 1] / fy
+        x, y = with_decentring(dx, dy, lens)
         r2 = x * x + y * y
-        z = 1.0 + r2 * (k + r2 * (k2 + r2 * k3))
-        slope = 2.0 * (k + r2 * (2.0 * k2 + r2 * 3.0 * k3))
+        z, slope = depth_and_slope(lens, r2)
+        slope *= 2.0
         length = math.sqrt(r2 + z * z)
         rays[i, 0], rays[i, 1], rays[i, 2] = x / length, y / length, z / length
-        # A pixel d = (x, y) sees P where  X z = x Z  and  Y z = y Z. At P = (x, y, z), the ray:
+        # The lens sees P at e = (x, y) where  X z = x Z  and  Y z = y Z. At P = (x, y, z), the ray:
         #     (z - s x²) dx - s x y dy = z dX - x dZ,   likewise for y,   s = slope.
         # The determinant is z (z - s r²); z cancels, so z = 0 needs no special case.
-        scale = focal_px * length / (z - slope * r2)
-        across[i, 0, 0] = scale * (z - slope * y * y)
-        across[i, 0, 1] = across[i, 1, 0] = scale * slope * x * y
-        across[i, 1, 1] = scale * (z - slope * x * x)
-        across[i, 0, 2] = -scale * x
-        across[i, 1, 2] = -scale * y
+        scale = length / (z - slope * r2)
+        xx, xy, xz = scale * (z - slope * y * y), scale * slope * x * y, -scale * x
+        yy, yz = scale * (z - slope * x * x), -scale * y
+        # The pixel moves by f (1 + D')⁻¹ de.
+        a, b, c, d = inverse_decentring(dx, dy, lens)
+        across[i, 0, 0] = fx * (a * xx + b * xy)
+        across[i, 0, 1] = fx * (a * xy + b * yy)
+        across[i, 0, 2] = fx * (a * xz + b * yz)
+        across[i, 1, 0] = fy * (c * xx + d * xy)
+        across[i, 1, 1] = fy * (c * xy + d * yy)
+        across[i, 1, 2] = fy * (c * xz + d * yz)
 
 
 @kernel

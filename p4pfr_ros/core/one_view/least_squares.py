@@ -23,6 +23,7 @@ from ..jit import jit, kernel
 from ..linalg import invert_information, rotate, solve_in_place
 from ..minimal.solution import G, H, ROW_SIZE
 from ..minimal.solver import Workspace
+from ..model.lens import lens_from_camera
 from ..model.normal_equations import COLUMNS
 from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, pose_to_public
 
@@ -60,12 +61,12 @@ def free_problem(image: Array, board: Array, gates: Gates, prior: Prior = NO_PRI
 
 def known_problem(image: Array, board: Array, gates: Gates, camera: DivisionCamera) -> Problem:
     """Make the problem of the pose alone."""
-    rays, across = _rays_and_across(image, (camera.focal_px, camera.k, camera.k2, camera.k3))
+    rays, across = _rays_and_across(image, lens_from_camera(camera, camera.center_px))
     return Problem(image, board, POSE, gates, NO_PRIOR, rays, across)
 
 
 @jit
-def _rays_and_across(image: Array, lens: tuple[float, float, float, float]) -> tuple[Array, Array]:
+def _rays_and_across(image: Array, lens: Array) -> tuple[Array, Array]:
     rays, across = np.empty((len(image), 3)), np.empty((len(image), 2, 3))
     known_camera.rays_and_across(image, lens, rays, across)
     return rays, across
