@@ -28,8 +28,8 @@ FOCAL_SIGMA = 0.5  # relative
 BEND_SIGMA = 0.3  # of k |d|² at the image's corner
 
 # Standard deviations of k to k4 of real lenses (an equidistant one has about -1/3, -1/45, -2/945
-# and -1/4725), and of their bends kᵢ |d|²ⁱ at the image's corner, for lenses so long that the first
-# would allow hardly any.
+# and -1/4725), and of their bends kᵢ |d|²ⁱ at the image's corner, for lenses so long that the
+# first would allow hardly any.
 TERM_SPREADS = (0.4, 0.03, 0.003, 0.0005)
 BEND_SPREADS = (0.2, 0.1, 0.02, 0.01)
 

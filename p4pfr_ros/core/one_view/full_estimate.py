@@ -89,6 +89,12 @@ _FROM_THE_VIEW = 0.5
 # Optima with rotations closer than this, rad, are the same.
 _SAME_RAD = 0.02
 
+# Points that contradict the prior on the aspect ratio by this χ² may be of an image that was
+# scaled; the standard deviation of its aspect ratio then, and -2 log of the share of such cameras.
+_NOT_SQUARE = 4.0
+_FREE_ASPECT_SPREAD = 0.3
+_FREE_ASPECT_CHI2 = 9.2
+
 # The bends in a lens.
 _BENDS_AT = slice(BEND, BEND + BENDS)
 
@@ -113,13 +119,19 @@ class _Lens(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A full fit: state (28,), lens (10,), squared errors (N,), covariance (8, 8), and numbers."""
+    """
+    A full fit: state (28,), lens (10,), squared errors (N,), covariance (8, 8), and numbers.
 
+    given: its priors; penalty: χ² that is added in comparisons, as such cameras are rare.
+    """
+
+    given: FullProblem
     state: Array
     lens: Array
     squares: Array
     covariance: Array
     numbers: FullFit
+    penalty: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,22 +167,33 @@ class FullViewProblem(ViewProblem):
         if others is not None:
             fits += self._fits(others, given)
         camera_fit = None if self.camera is None else CameraFit(*summary.stretch)
-        return self._result(fits, given, status, iterations, camera_fit)
+        return self._result(fits, status, iterations, camera_fit)
 
     def estimate_from(
         self, rows: Sequence[Array], status: Status, iterations: int
     ) -> PoseEstimate:
         """Return the result of the full fits that start from rows (≥ 14,), at least one."""
-        given = self._given(rows[0])
-        return self._result(self._fits(rows, given), given, status, iterations)
+        return self._result(self._fits(rows, self._given(rows[0])), status, iterations)
 
     def _fits(self, rows: Iterable[Array], given: FullProblem) -> list[_Fit]:
-        return [self._fit(start, given) for start in self._starts(rows)]
+        """
+        Return the full fits that start from rows.
+
+        Where the points of an unknown camera contradict square pixels, its aspect ratio is free in
+        another fit. Few cameras have such pixels, so that fit must explain the view much better.
+        """
+        fits = [self._fit(start, given) for start in self._starts(rows)]
+        if self.camera is not None or all(fit.numbers.aspect_chi2 < _NOT_SQUARE for fit in fits):
+            return fits
+        information = given.information.copy()
+        information[ASPECT, ASPECT] = _FREE_ASPECT_SPREAD**-2.0
+        free = given._replace(information=information)
+        starts = [np.concatenate([fit.state[:POSE_SIZE], fit.lens]) for fit in fits]
+        return fits + [self._fit(start, free, penalty=_FREE_ASPECT_CHI2) for start in starts]
 
     def _result(
         self,
         fits: list[_Fit],
-        given: FullProblem,
         status: Status,
         iterations: int,
         camera_fit: CameraFit | None = None,
@@ -192,7 +215,7 @@ class FullViewProblem(ViewProblem):
         ranked = self._ranked(fits)
         best, alternatives = ranked[0][1], [fit for _, fit in ranked[1:]]
         model = self._model(best)
-        observable = self._observable(best, given, model.camera_from_board)
+        observable = self._observable(best, model.camera_from_board)
         if alternatives:
             self._include_alternatives(ranked)
         return PoseEstimate(
@@ -202,7 +225,9 @@ class FullViewProblem(ViewProblem):
             rms_px=math.sqrt(best.numbers.total / best.numbers.inliers),
             iterations=iterations,
             covariance=mark_undetermined(best.covariance, observable),
-            alternatives=tuple(self._model(other) for other in alternatives),
+            alternatives=tuple(
+                self._model(other) for other in alternatives if not _same_pose(other, best)
+            ),
             observable=observable,
             camera_fit=camera_fit,
             focal_limits=None if self.camera else _limits_of(best.numbers),
@@ -235,7 +260,9 @@ class FullViewProblem(ViewProblem):
                 starts.append(other)
         return starts
 
-    def _fit(self, start: Array, given: FullProblem, *, widens: bool = True) -> _Fit:
+    def _fit(
+        self, start: Array, given: FullProblem, *, widens: bool = True, penalty: float = 0.0
+    ) -> _Fit:
         view, options = self.view, self.options
         n = len(view.image)
         state, lens, squares = np.empty(STATE_SIZE), np.empty(LENS_SIZE), np.empty(n)
@@ -249,7 +276,7 @@ class FullViewProblem(ViewProblem):
         )
         scale = view.observation.board_scale
         numbers = fit_view(start, given, rules, scale, state, lens, squares, covariance)
-        return _Fit(state, lens, squares, covariance, numbers)
+        return _Fit(given, state, lens, squares, covariance, numbers, penalty)
 
     def _plausible(self, fit: _Fit) -> bool:
         """
@@ -279,7 +306,9 @@ class FullViewProblem(ViewProblem):
         variance = min(fit.numbers.variance for fit in fits)
         limit = self.options.threshold_px**2
         costs = [
-            float(np.minimum(fit.squares, limit).sum()) / variance + fit.numbers.prior_chi2
+            float(np.minimum(fit.squares, limit).sum()) / variance
+            + fit.numbers.prior_chi2
+            + fit.penalty
             for fit in fits
         ]
         order = sorted(range(len(fits)), key=costs.__getitem__)
@@ -304,22 +333,22 @@ class FullViewProblem(ViewProblem):
             off[COV_K] = fit.lens[K] - best.lens[K]
             best.covariance[:] += weight / weights.sum() * np.outer(off, off)
 
-    def _observable(self, fit: _Fit, given: FullProblem, pose: Pose) -> Observability:
+    def _observable(self, fit: _Fit, pose: Pose) -> Observability:
         """Return what the view determines; widen the covariance by the likelihood of f."""
-        focal_px, covariance = float(fit.lens[FOCAL]), fit.covariance
+        given, focal_px, covariance = fit.given, float(fit.lens[FOCAL]), fit.covariance
         found = observability_of(focal_px, pose.translation, covariance, given.corner_px)
         if self.camera is not None:
             return found
         # A sigma that is hardly smaller than the prior's is not from the view.
         hardly = given.usual > 0.0 and fit.numbers.bend_share >= _FROM_THE_VIEW
         distortion = found.distortion and not hardly
-        share = self._likely_focal_share(fit, given) if found.focal else math.inf
+        share = self._likely_focal_share(fit) if found.focal else math.inf
         if share > MAX_FOCAL_SHARE:
             return Observability(found.direction, False, False, distortion)
         widen_focal(covariance, focal_px, share)
         return Observability(found.direction, found.distance, True, distortion)
 
-    def _likely_focal_share(self, fit: _Fit, given: FullProblem) -> float:
+    def _likely_focal_share(self, fit: _Fit) -> float:
         """
         Return the relative standard deviation of the focal length, from its likelihood too.
 
@@ -334,7 +363,9 @@ class FullViewProblem(ViewProblem):
         log_factor = math.log(2.0)
         not_observable = (log_factor / MAX_FOCAL_SHARE) ** 2
         for factor in (0.5, 2.0):
-            excess = other_focal_excess(fit.state, given, factor, variance, limit, not_observable)
+            excess = other_focal_excess(
+                fit.state, fit.given, factor, variance, limit, not_observable
+            )
             # A normal log f that is off by ln 2 has the chi-square (ln 2 / share)².
             share = max(share, log_factor / math.sqrt(max(excess, 1e-6)))
             if share > MAX_FOCAL_SHARE or (not four and excess > _CLEARLY_WORSE):
@@ -458,11 +489,16 @@ def _different(ranked: Sequence[tuple[float, _Fit]]) -> list[tuple[float, _Fit]]
     """Return the fits that differ from those before them."""
     kept = [ranked[0]]
     for excess, fit in ranked[1:]:
-        apart = (np.linalg.norm(fit.state[:9] - other.state[:9]) for _, other in kept)
-        # |A - B| = √8 sin(angle / 2)
-        if min(apart) > math.sqrt(2.0) * _SAME_RAD:
+        if not any(fit.penalty == other.penalty and _same_pose(fit, other) for _, other in kept):
             kept.append((excess, fit))
     return kept
+
+
+def _same_pose(fit: _Fit, other: _Fit) -> bool:
+    """Return whether the rotations of two fits are the same."""
+    # |A - B| = √8 sin(angle / 2)
+    apart = float(np.linalg.norm(fit.state[:9] - other.state[:9]))
+    return apart <= math.sqrt(2.0) * _SAME_RAD
 
 
 def _focal_share(fit: _Fit) -> float:

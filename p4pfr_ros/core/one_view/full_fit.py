@@ -57,7 +57,7 @@ from .full_model import (
 from ..geometry import Array, POSE_SIZE, TRANSLATION
 from ..jit import jit, kernel
 from ..linalg import invert_information
-from ..model.lens import FOCAL, K, POSE_COLUMNS
+from ..model.lens import ASPECT, FOCAL, K, POSE_COLUMNS
 from ..model.uncertainty import (
     COV_FOCAL,
     COV_K,
@@ -77,6 +77,9 @@ _SAME_NOISE = 0.05
 _HELD_STEPS = 8
 _HOPELESS = 20.0
 _HELD = 1e10
+
+# Of the prior's variance: with less that the points take away they say nothing.
+_LEAST_SHARE = 1e-4
 
 # How often a known camera's view gets larger deviations, and how much larger in all.
 _WIDENINGS = 4
@@ -108,6 +111,7 @@ class FullFit(NamedTuple):
     was seen; seen_bend: bend there.
     inliers: their number, and total: the sum of their squared errors, px².
     bend_share: variance of the first bend over that of its prior.
+    aspect_chi2: how much the points contradict the prior on the aspect ratio, in variances.
     focal_by_center, focal_by_lens, focal_by_others: shares of the focal length's variance that are
     from the priors on the centre, the bends, and the other deviations.
     """
@@ -122,6 +126,7 @@ class FullFit(NamedTuple):
     inliers: int
     total: float
     bend_share: float
+    aspect_chi2: float
     focal_by_center: float
     focal_by_lens: float
     focal_by_others: float
@@ -166,6 +171,7 @@ def fit_view(
         inliers,
         total,
         bend_share,
+        _aspect_chi2(state, problem, work),
         by_center,
         by_lens,
         by_others,
@@ -212,6 +218,20 @@ def _prior_shares(problem: FullProblem, work: FullWork) -> tuple[float, float, f
         else:
             by_center += share
     return bend_share, by_center, by_lens, by_others
+
+
+@kernel
+def _aspect_chi2(state: Array, problem: FullProblem, work: FullWork) -> float:
+    """Return χ² of the aspect ratio that the points alone ask for, against its prior."""
+    # Prior N(m, s²) and points N(a, d²) give the mean  m + (a - m) s² / (s² + d²)  and the variance
+    # V = s² d² / (s² + d²). So ((mean - m) / s)² is the share 1 - V / s² of (a - m)² / (s² + d²).
+    active = problem.active
+    for i in range(len(active)):
+        if active[i] == LENS_COLUMN + ASPECT:
+            prior = problem.information[ASPECT, ASPECT]
+            pull = (state[LENS + ASPECT] - problem.mean[ASPECT]) ** 2 * prior
+            return pull / max(1.0 - work.covariance[i, i] * prior, _LEAST_SHARE)
+    return 0.0
 
 
 @jit
