@@ -7,15 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-import math
 from pathlib import Path
 
 import numpy as np
 from p4pfr_ros import estimate_pose, EstimateOptions, PoseEstimate
 from p4pfr_ros.core.geometry import Array
 
-# Focal lengths fx of the cameras of the real corners, px, from calibrations of all their views with
-# aspect ratio and the shape of the board.
+# Focal lengths fx of the cameras of the real corners, px, from calibrations of all their views
+# with aspect ratio and the shape of the board.
 REAL_FOCAL_PX = {
     'opencv_left': 533.5,
     'gopro_hero': 440.1,

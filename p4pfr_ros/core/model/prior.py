@@ -41,9 +41,6 @@ _DECENTRING_SPREAD, _FREE_DECENTRING_SPREAD = 0.001, 0.05
 # with temperature for example.
 _MOST_MARGINALISED = 2000.0
 
-# Smallest eigenvalue, with ones on the diagonal, of a matrix that counts as positive definite.
-_CLEARLY_POSITIVE = 1e-9
-
 # Most terms of the polynomial.
 MAX_ORDER = 4
 
@@ -234,6 +231,8 @@ class CommonPrior:
         Both are in px², at the given lens and boards (C,); variance: of the noise, px²; at: the
         places (18,) of the view's lens and board among them.
         """
+        if not (np.isfinite(information).all() and np.isfinite(gradient).all()):
+            return self
         # The view adds eᵀ S e - 2 gᵀ e to the cost, e the step from the linearisation, that is
         # -2 (g + S (θ - reference))ᵀ d with d the step from the reference.
         faded = self.marginalised / _MOST_MARGINALISED

@@ -223,8 +223,9 @@ def _prior_shares(problem: FullProblem, work: FullWork) -> tuple[float, float, f
 @kernel
 def _aspect_chi2(state: Array, problem: FullProblem, work: FullWork) -> float:
     """Return χ² of the aspect ratio that the points alone ask for, against its prior."""
-    # Prior N(m, s²) and points N(a, d²) give the mean  m + (a - m) s² / (s² + d²)  and the variance
-    # V = s² d² / (s² + d²). So ((mean - m) / s)² is the share 1 - V / s² of (a - m)² / (s² + d²).
+    # Prior N(m, s²) and points N(a, d²) give the mean  m + (a - m) s² / (s² + d²)  and the
+    # variance V = s² d² / (s² + d²): ((mean - m) / s)² is the share 1 - V / s² of
+    # (a - m)² / (s² + d²).
     active = problem.active
     for i in range(len(active)):
         if active[i] == LENS_COLUMN + ASPECT:
