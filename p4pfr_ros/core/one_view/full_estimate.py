@@ -14,30 +14,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-import functools
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from .describe import assessment, MAX_RATIO, shows_back, ViewProblem
-from .full_fit import fit_view, FullFit, other_focal_excess, Rules
-from .full_model import (
-    BEND,
-    BENDS,
-    BOW_XX,
-    DEVIATIONS,
-    FullProblem,
-    LOG_FOCAL,
-    PARAMETERS,
-    SHEAR,
-    STATE_SIZE,
-    STRETCH,
-)
+from .focal_likelihood import other_focal_excess
+from .full_fit import fit_view, FullFit, Rules
+from .full_model import FullProblem, STATE_SIZE
+from .full_prior import known_prior, lens_of_camera, usual_prior, with_free_aspect, with_prior_on_k
 from .least_squares import Problem
 from .results import (
     CameraFit,
-    EstimateOptions,
     FocalLimits,
     mark_undetermined,
     MAX_FOCAL_SHARE,
@@ -48,23 +36,15 @@ from .results import (
     Status,
     widen_focal,
 )
-from ..cameras.division import DivisionCamera
-from ..geometry import Array, Ints, Pose, POSE_SIZE, TRANSLATION
-from ..linalg import inverse_of_information
+from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION
 from ..minimal.solution import G, H, Solution
 from ..model.lens import (
-    ASPECT,
     camera_from_lens,
-    CX,
-    CY,
     FOCAL,
     K,
-    lens_from_camera,
     LENS_SIZE,
-    P2,
-    POSE_COLUMNS,
 )
-from ..model.prior import BEND_SPREADS, typical_focal_px
+from ..model.prior import typical_focal_px
 from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, DEFAULT_SIGMA_PX, sigma_at
 
 # With fewer points the residuals do not measure the noise.
@@ -90,31 +70,12 @@ _FROM_THE_VIEW = 0.5
 _SAME_RAD = 0.02
 
 # Points that contradict the prior on the aspect ratio by this χ² may be of an image that was
-# scaled; the standard deviation of its aspect ratio then, and -2 log of the share of such cameras.
+# scaled; and -2 log of the share of such cameras.
 _NOT_SQUARE = 4.0
-_FREE_ASPECT_SPREAD = 0.3
 _FREE_ASPECT_CHI2 = 9.2
-
-# The bends in a lens.
-_BENDS_AT = slice(BEND, BEND + BENDS)
 
 # Beyond this difference of logarithms a focal length is tried with a typical one instead, too.
 _FAR_FROM_TYPICAL = 1.5
-
-
-class _Lens(NamedTuple):
-    """
-    What is known of lens and deviations before the view.
-
-    mean (10,) and information (10, 10) as ``full_model`` parametrises the lens; usual, sizes and
-    active: see ``FullProblem``.
-    """
-
-    mean: Array
-    information: Array
-    usual: float
-    sizes: Array
-    active: Ints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,9 +146,7 @@ class FullViewProblem(ViewProblem):
         fits = [self._fit(start, given) for start in self._starts(rows)]
         if self.camera is not None or all(fit.numbers.aspect_chi2 < _NOT_SQUARE for fit in fits):
             return fits
-        information = given.information.copy()
-        information[ASPECT, ASPECT] = _FREE_ASPECT_SPREAD**-2.0
-        free = given._replace(information=information)
+        free = given._replace(information=with_free_aspect(given.information))
         starts = [np.concatenate([fit.state[:POSE_SIZE], fit.lens]) for fit in fits]
         return fits + [self._fit(start, free, penalty=_FREE_ASPECT_CHI2) for start in starts]
 
@@ -381,108 +340,14 @@ class FullViewProblem(ViewProblem):
         view, options = self.view, self.options
         if self.camera is not None:
             lens, covariance = self.lens_prior or (lens_of_camera(self.camera), None)
-            given = _known_lens(options, lens, view.corner_px, covariance)
-        elif options.prior_k_sigma is None:
-            given = _usual_lens(options, view.corner_px, self.center_known)
+            prior = known_prior(options, lens, view.corner_px, covariance)
         else:
-            given = _usual_lens(options, view.corner_px, self.center_known)
-            given = self._with_prior_on_k(options.prior_focal_px or float(row[G]), given)
+            prior = usual_prior(options, view.corner_px, self.center_known)
+            if options.prior_k_sigma is not None:
+                focal_px = options.prior_focal_px or float(row[G])
+                prior = with_prior_on_k(prior, options, focal_px, view.corner_px)
         board = np.column_stack([view.board, view.heights])
-        return FullProblem(view.image, board, view.corner_px, *given)
-
-    def _with_prior_on_k(self, focal_px: float, given: _Lens) -> _Lens:
-        """Add the caller's prior on k = b₁ (f/R)², linear about a focal length."""
-        options, unit = self.options, (focal_px / self.view.corner_px) ** 2
-        sigma = options.prior_k_sigma
-        assert sigma is not None
-        mean, information = given.mean.copy(), given.information.copy()
-        # dk = unit db₁ + 2 k d(log f); the mean has the given k at its own focal length.
-        by = np.zeros(LENS_SIZE)
-        by[LOG_FOCAL], by[BEND] = 2.0 * options.prior_k, unit
-        information[_BENDS_AT, _BENDS_AT] = np.diag([0.0, *np.power(BEND_SPREADS[1:], -2.0)])
-        information += np.outer(by, by) / sigma**2
-        mean[BEND] = options.prior_k * (1.0 + 2.0 * (math.log(focal_px) - mean[LOG_FOCAL])) / unit
-        return given._replace(mean=mean, information=information, usual=0.0)
-
-
-def lens_of_camera(camera: DivisionCamera) -> Array:
-    """Return the lens (10,) of a camera, relative to its own centre."""
-    return lens_from_camera(camera, camera.center_px)
-
-
-def _known_lens(
-    options: EstimateOptions, lens: Array, corner_px: float, covariance: Array | None
-) -> _Lens:
-    """Return a known lens (10,); terms of zero variance keep their values."""
-    powers = (corner_px / lens[FOCAL]) ** (2.0 * np.arange(1, BENDS + 1))
-    mean = lens.copy()
-    mean[LOG_FOCAL] = math.log(lens[FOCAL])
-    mean[_BENDS_AT] *= powers
-    exact = _exact_lens(options)
-    if covariance is None:
-        return exact._replace(mean=mean)
-    # θ = (log f, c, bᵢ = kᵢ (R/f)²ⁱ, ...):  d(log f) = df / f,
-    # dbᵢ = (R/f)²ⁱ dkᵢ - 2i bᵢ df / f.
-    jacobian = np.eye(LENS_SIZE)
-    jacobian[LOG_FOCAL, FOCAL] = 1.0 / lens[FOCAL]
-    for i in range(BENDS):
-        jacobian[BEND + i, K + i] = powers[i]
-        jacobian[BEND + i, FOCAL] = -(2 * i + 2) * mean[BEND + i] / lens[FOCAL]
-    free = np.diag(covariance) > 0.0
-    transformed = (jacobian @ covariance @ jacobian.T)[np.ix_(free, free)]
-    information = np.zeros((LENS_SIZE, LENS_SIZE))
-    information[np.ix_(free, free)] = inverse_of_information(transformed)
-    if not free[ASPECT] and options.aspect_spread > 0.0:
-        free[ASPECT] = True
-        information[ASPECT, ASPECT] = options.aspect_spread**-2.0
-    active = np.concatenate([np.ones(POSE_COLUMNS, dtype=bool), free, exact.sizes > 0.0])
-    return _Lens(mean, information, 0.0, exact.sizes, np.flatnonzero(active))
-
-
-@functools.lru_cache(maxsize=64)
-def _exact_lens(options: EstimateOptions) -> _Lens:
-    """Return what all exactly known lenses have in common; read-only."""
-    sizes = _sizes_of(options)
-    active = np.concatenate([np.arange(PARAMETERS - DEVIATIONS) < POSE_COLUMNS, sizes > 0.0])
-    information = np.zeros((LENS_SIZE, LENS_SIZE))
-    if options.aspect_spread > 0.0:
-        active[POSE_COLUMNS + ASPECT] = True
-        information[ASPECT, ASPECT] = options.aspect_spread**-2.0
-    return _Lens(np.zeros(LENS_SIZE), information, 0.0, sizes, np.flatnonzero(active))
-
-
-@functools.lru_cache(maxsize=64)
-def _usual_lens(options: EstimateOptions, corner_px: float, center_known: bool) -> _Lens:
-    """Return the priors on the lens of an unknown camera; read-only, for all its views."""
-    mean, sigma = np.zeros(LENS_SIZE), np.ones(LENS_SIZE)
-    mean[LOG_FOCAL] = math.log(typical_focal_px(corner_px))
-    sigma[LOG_FOCAL] = options.focal_spread
-    if options.prior_focal_px is not None and options.prior_focal_sigma_px is not None:
-        mean[LOG_FOCAL] = math.log(options.prior_focal_px)
-        sigma[LOG_FOCAL] = options.prior_focal_sigma_px / options.prior_focal_px
-    center_known = center_known or options.center_spread == 0.0
-    if not center_known:
-        sigma[CX] = sigma[CY] = options.center_spread * 2.0 * corner_px
-    if options.aspect_spread > 0.0:
-        sigma[ASPECT] = options.aspect_spread
-    sizes = _sizes_of(options)
-    sizes[SHEAR] = 0.0  # which would cost an unknown camera half of its accuracy
-    active = np.ones(PARAMETERS, dtype=bool)
-    active[POSE_COLUMNS + CX : POSE_COLUMNS + CY + 1] = not center_known
-    active[POSE_COLUMNS + BEND + 1 : POSE_COLUMNS + BEND + 3] = options.lens_spread > 0.0
-    active[POSE_COLUMNS + BEND + 3 : POSE_COLUMNS + P2 + 1] = False
-    active[POSE_COLUMNS + ASPECT] = options.aspect_spread > 0.0
-    active[POSE_COLUMNS + LENS_SIZE :] = sizes > 0.0
-    usual = options.lens_spread or 1.0
-    return _Lens(mean, np.diag(sigma**-2.0), usual, sizes, np.flatnonzero(active))
-
-
-def _sizes_of(options: EstimateOptions) -> Array:
-    sizes = np.zeros(DEVIATIONS)
-    sizes[SHEAR] = options.image_shear
-    sizes[STRETCH : STRETCH + 2] = options.board_stretch
-    sizes[BOW_XX:] = options.board_bow
-    return sizes
+        return FullProblem(view.image, board, view.corner_px, *prior)
 
 
 def _different(ranked: Sequence[tuple[float, _Fit]]) -> list[tuple[float, _Fit]]:
