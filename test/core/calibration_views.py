@@ -29,11 +29,11 @@ def seeded_camera(seed):
     return draw_camera(np.random.default_rng([seed, 0]))
 
 
-def calibrate(views, calibration=None, **options):
+def calibrate(views, calibration=None, board='', **options):
     """Update a calibration, by default a new one, with views; return it."""
     calibration = calibration or SelfCalibration(IMAGE_SIZE, **options)
     for view in views:
-        calibration.update(view.image_points, view.board_points)
+        calibration.update(view.image_points, view.board_points, board=board)
     return calibration
 
 
@@ -47,5 +47,5 @@ def verdicts(calibration, views):
 
 
 def lens_error(camera, truth):
-    """Return a camera's errors (6,): focal_px, centre x and y (px), k, k2, k3."""
+    """Return a camera's errors (10,), in the order of ``CameraEstimate.covariance``."""
     return lens_from_camera(camera, MIDDLE_PX) - lens_from_camera(truth, MIDDLE_PX)

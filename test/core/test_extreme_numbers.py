@@ -91,6 +91,7 @@ def test_image_size_and_centre(value, chosen, name):
 @over_values
 def test_division_camera(value, name):
     good = {'focal_px': 520.0, 'center_px': CENTER, 'k': -0.2, 'k2': 0.01, 'k3': 0.001}
+    good |= {'k4': 1e-4, 'aspect': 1.01, 'p1': 1e-3, 'p2': -1e-3}
     for field in good:
         given = (value, 239.5) if field == 'center_px' else value
         camera = survives(DivisionCamera, **(good | {field: given}))

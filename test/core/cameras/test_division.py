@@ -91,6 +91,8 @@ def test_a_pincushion_lens_sees_nothing_beyond_its_fold():
         ({'focal_px': 0.0}, 'focal_px must be > 0, got 0.0'),
         ({'focal_px': np.nan}, 'focal_px must be finite'),
         ({'k': np.inf}, 'k must be finite'),
+        ({'aspect': 0.0}, 'aspect must be > 0, got 0.0'),
+        ({'p2': np.nan}, 'p2 must be finite'),
         ({'center_px': (1.0, np.nan)}, 'center_px must be finite'),
         ({'center_px': (1.0,)}, 'center_px must have shape'),
     ],
@@ -104,3 +106,39 @@ def test_cameras_with_equal_numbers_are_equal():
     numbers = DivisionCamera(np.float32(500.0), np.array(CENTER_PX), np.float64(-0.1))
     assert numbers == DivisionCamera(500.0, CENTER_PX, -0.1)
     assert hash(numbers) == hash(DivisionCamera(500.0, CENTER_PX, -0.1))
+
+
+@given(
+    terms=st.tuples(
+        st.floats(-0.3, 0.05), st.floats(-0.03, 0.0), st.floats(-3e-3, 0.0), st.floats(-3e-4, 0.0)
+    ),
+    aspect=st.floats(0.8, 1.25),
+    p1=st.floats(-0.005, 0.005),
+    p2=st.floats(-0.005, 0.005),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_a_camera_with_all_parameters_round_trips(terms, aspect, p1, p2, seed):
+    camera = DivisionCamera(350.0, (330.0, 228.0), *terms, aspect, p1, p2)
+    depth = np.random.default_rng(seed).uniform(0.2, 9.0, (50, 1))
+    back = camera.project(depth * camera.unproject(pixels(seed)))
+    np.testing.assert_allclose(back, pixels(seed), atol=1e-8)
+
+
+def test_aspect_and_decentring_are_in_the_equation_of_the_model():
+    camera = DivisionCamera(200.0, (100.0, 50.0), -0.2, aspect=1.1, p1=0.01, p2=-0.02)
+    # d = (0.5, -0.5), so  2 xy = -0.5,  q + 2 x² = q + 2 y² = 1.
+    ex, ey = 0.5 - 0.5 * 0.01 - 0.02, -0.5 + 0.01 + 0.5 * 0.02
+    ray = camera.unproject([200.0, -60.0])
+    np.testing.assert_allclose(ray, [ex, ey, 1.0 - 0.2 * (ex**2 + ey**2)])
+    assert camera.focal_xy_px == pytest.approx((200.0, 220.0))
+    np.testing.assert_allclose(np.diag(camera.matrix), [200.0, 220.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ('parameter', 'shown'),
+    [({}, False), ({'aspect': 1.01}, True), ({'p1': 1e-3}, True), ({'k4': 1e-4}, True)],
+)
+def test_a_repr_shows_what_differs_from_a_square_centred_lens(parameter, shown):
+    text = repr(DivisionCamera(500.0, CENTER_PX, -0.1, **parameter))
+    assert 'k=-0.1' in text
+    assert any(name in text for name in ('aspect', 'p1', 'p2', 'k4')) is shown

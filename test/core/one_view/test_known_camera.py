@@ -7,6 +7,8 @@ from ideal import estimate_pose
 import numpy as np
 from p4pfr_ros import DivisionCamera, Pose
 from p4pfr_ros.core.geometry import rotation_angle_rad
+from p4pfr_ros.core.model.lens import lens_from_camera
+from p4pfr_ros.core.one_view.known_camera import rays_and_across
 from p4pfr_ros.scenes.single_view import draw_view
 import pytest
 
@@ -62,3 +64,33 @@ def test_a_far_marker_has_two_poses_and_a_near_one_has_one():
         nearest = min(rotation_angle_rad(s.camera_from_board.rotation, tilted) for s in solutions)
         assert nearest < np.radians(12.0)
     assert counts == {3.0: 2, 0.3: 1}
+
+
+@pytest.mark.parametrize('n', [4, 20])
+def test_the_pose_with_a_decentred_camera_of_all_terms_is_exact(n):
+    camera = DivisionCamera(
+        400.0, (650.0, 470.0), -0.3, -0.02, -0.002, -0.0003, 1.05, 0.003, -0.002
+    )
+    pose = Pose.from_rotation_vector([2.6, 0.3, -0.2], [0.2, -0.3, 0.8])
+    board = np.array([[-0.5, 0.4], [0.5, 0.5], [0.5, -0.4], [-0.4, -0.5]])
+    board = np.concatenate([board, np.random.default_rng(9).uniform(-0.5, 0.5, (n - 4, 2))])
+    image = camera.project(pose.transform(np.column_stack([board, np.zeros(n)])))
+    estimated = estimate_pose(image, board, camera=camera).model.camera_from_board
+    np.testing.assert_allclose(estimated.rotation, pose.rotation, atol=1e-8)
+    np.testing.assert_allclose(estimated.translation, pose.translation, atol=1e-8)
+
+
+def test_displacements_across_the_rays_are_those_of_the_camera():
+    camera = DivisionCamera(
+        400.0, (0.0, 0.0), -0.3, -0.02, -0.002, -0.0003, 1.05, 0.003, -0.002
+    )
+    image = np.random.default_rng(3).uniform((-640, -480), (640, 480), (50, 2))
+    rays, across = np.empty((50, 3)), np.empty((50, 2, 3))
+    rays_and_across(image, lens_from_camera(camera, camera.center_px), rays, across)
+    expected = camera.unproject(image)
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    np.testing.assert_allclose(rays, expected, atol=1e-12)
+    for direction in np.eye(3):
+        step = 1e-5 * direction
+        moved = (camera.project(rays + step) - camera.project(rays - step)) / 2e-5
+        np.testing.assert_allclose(across @ direction, moved, atol=1e-4)
