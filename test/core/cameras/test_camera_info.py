@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from hypothesis import strategies as st
 from laws import law
-from lenses import CENTER, MODELS, pixels, SIZE
+from lenses import CENTER, equidistant_fit, MODELS, pixels, SIZE
 import numpy as np
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
@@ -79,6 +79,41 @@ def test_a_model_does_not_fold_inside_the_image(f, k, x):
     r = np.linspace(0.0, end, 3000)
     rays = np.stack([r, 0.0 * r, 1.0 + k * r**2], axis=1)
     assert (np.diff(model.project(rays)[:, 0]) > 0.0).all()
+
+
+@pytest.mark.parametrize('aspect', [0.85, 1.03])
+@pytest.mark.parametrize(('p1', 'p2'), [(0.0, 0.0), (0.002, -0.001)])
+@pytest.mark.parametrize('f', [600, 1000])
+def test_aspect_and_decentring_are_carried(f, aspect, p1, p2):
+    camera = DivisionCamera(f, CENTER, -0.2, aspect=aspect, p1=p1, p2=p2)
+    model = camera.to_camera_info_model(SIZE)
+    assert model.distortion_model == 'rational_polynomial'
+    assert model.focal_px == pytest.approx((f, f * aspect))
+    assert model.residual_px < 0.1
+    error_px = np.linalg.norm(model.project(camera.unproject(pixels())) - pixels(), axis=1)
+    assert error_px.max() < 1.1 * model.residual_px + 1e-3
+
+
+@pytest.mark.parametrize('fov_deg', [140, 185])
+def test_a_fisheye_is_exported_where_it_was_seen_and_monotonic_beyond(fov_deg):
+    """Its image circle leaves the corners dark: there the terms are an extrapolation."""
+    camera, seen_px = equidistant_fit(fov_deg)
+    model = camera.to_camera_info_model(SIZE, seen_px)
+    assert model.distortion_model == 'equidistant'
+    assert model.residual_px < 0.05
+    corners = pixels(20_000)
+    rays = model.unproject(corners)
+    assert np.isfinite(rays).all()
+    # Farther from the centre, farther from the axis.
+    order = np.argsort(np.linalg.norm(corners - camera.center_px, axis=1))
+    assert (np.diff(rays[order, 2]) < 1e-9).all()
+    inside = np.linalg.norm(corners - camera.center_px, axis=1) < seen_px
+    error_px = np.linalg.norm(model.project(camera.unproject(corners)) - corners, axis=1)
+    assert error_px[inside].max() <= 1.001 * model.residual_px
+    # Over the whole image the fit would be worse where the lens was seen.
+    whole = camera.to_camera_info_model(SIZE)
+    error_px = np.linalg.norm(whole.project(camera.unproject(corners)) - corners, axis=1)
+    assert error_px[inside].max() > model.residual_px
 
 
 def test_pixels_beyond_the_fold_of_a_pincushion_lens_are_excluded():

@@ -109,9 +109,7 @@ def test_the_order_of_two_views_does_not_matter(seed, variance):
 
 
 @law(seed=seeds, variance=variances, board=boards)
-def test_a_view_without_information_changes_nothing_but_the_number_of_views(
-    seed, variance, board
-):
+def test_a_view_without_information_changes_nothing_but_the_number_of_views(seed, variance, board):
     prior = CommonPrior.without_views(TYPICAL).for_boards(BOARDS)
     common = UNITS * np.random.default_rng(seed).standard_normal(SIZE)
     nothing = np.zeros((18, 18)), np.zeros(18)

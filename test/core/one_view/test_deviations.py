@@ -7,6 +7,7 @@ import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose
 from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.core.jit import COMPILED
+from p4pfr_ros.scenes.deviating_view import Deviations, draw_deviating_view, draw_lens
 import pytest
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason='takes minutes interpreted')
@@ -158,6 +159,25 @@ def test_a_known_camera_has_the_covariance_that_a_deviating_view_asks_for(deviat
     assert wrong <= 2
     if deviation in ('rolling shutter', 'wide print'):
         assert wrong_without > 30
+
+
+def test_where_one_view_frees_the_aspect_ratio_its_focal_length_is_not_far_off():
+    """The image is scaled: its pixels are 18 % from square."""
+    rng, stretched = np.random.default_rng(5), Deviations(aspect=1.18)
+    stated = wrong = 0
+    for _ in range(100):
+        lens = draw_lens(rng, SIZE)
+        view = draw_deviating_view(rng, lens, SIZE, BOARD, stretched)
+        estimate = estimate_pose(view.image_points, view.board_points, image_size=SIZE)
+        if estimate.model is None or not estimate.observable.focal:
+            continue
+        if abs(estimate.model.camera.aspect - 1.0) < 0.03:
+            continue
+        stated += 1
+        error_px = estimate.model.camera.focal_px - view.focal_px / np.sqrt(1.18)
+        wrong += abs(error_px) > 3.0 * estimate.focal_sigma_px
+    assert stated >= 40
+    assert wrong <= 0.05 * stated
 
 
 def test_limits_are_the_shares_of_the_priors():

@@ -81,9 +81,7 @@ def test_the_pose_with_a_decentred_camera_of_all_terms_is_exact(n):
 
 
 def test_displacements_across_the_rays_are_those_of_the_camera():
-    camera = DivisionCamera(
-        400.0, (0.0, 0.0), -0.3, -0.02, -0.002, -0.0003, 1.05, 0.003, -0.002
-    )
+    camera = DivisionCamera(400.0, (0.0, 0.0), -0.3, -0.02, -0.002, -0.0003, 1.05, 0.003, -0.002)
     image = np.random.default_rng(3).uniform((-640, -480), (640, 480), (50, 2))
     rays, across = np.empty((50, 3)), np.empty((50, 2, 3))
     rays_and_across(image, lens_from_camera(camera, camera.center_px), rays, across)
