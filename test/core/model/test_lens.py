@@ -11,8 +11,8 @@ from p4pfr_ros.core.model.lens import (
     camera_from_lens,
     CX,
     CY,
-    lens_from_camera,
     LENS_END,
+    lens_from_camera,
     linearise_rotated,
     offset_px,
 )
