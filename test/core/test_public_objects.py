@@ -46,6 +46,7 @@ def objects():
         'PoseEstimate': estimate,
         'PoseEstimate without a model': estimate_pose(IMAGE, 0.0 * BOARD, image_size=SIZE),
         'CameraEstimate': calibration.fused,
+        'BoardShape': calibration.fused.board_shape(),
         'Keyframe': calibration.views[0],
         'SolutionBatch': solve_p4pfr_batch(IMAGE[None, corners], BOARD[None, corners]),
         'EstimateOptions': EstimateOptions(),
@@ -62,6 +63,7 @@ NAMES = (
     'PoseEstimate',
     'PoseEstimate without a model',
     'CameraEstimate',
+    'BoardShape',
     'Keyframe',
     'SolutionBatch',
     'EstimateOptions',
@@ -72,7 +74,8 @@ ARRAYS = {
     'Pose': ('rotation', 'translation'),
     'PoseEstimate': ('inliers', 'covariance'),
     'PoseEstimate without a model': ('inliers', 'covariance'),
-    'CameraEstimate': ('covariance',),
+    'CameraEstimate': ('covariance', 'coverage'),
+    'BoardShape': ('center', 'half_extent', 'numbers', 'covariance'),
     'Keyframe': ('image_points', 'board_points', 'inliers', 'residuals_px'),
     'SolutionBatch': ('count', 'focal_px', 'k', 'rotation', 'translation'),
 }
@@ -103,6 +106,7 @@ def test_objects_with_different_values_are_not_equal(objects, name):
         'PoseEstimate without a model': lambda: replace(value, status=Status.NO_SOLUTION),
         'Solution': lambda: replace(value, camera=CAMERA),
         'CameraEstimate': lambda: replace(value, covariance=2.0 * value.covariance),
+        'BoardShape': lambda: replace(value, numbers=value.numbers + 1e-9),
         'Keyframe': lambda: replace(value, stamp=8),
         'SolutionBatch': lambda: replace(value, k=value.k + 1.0),
         'DivisionCamera': lambda: replace(value, k=0.1),
@@ -253,13 +257,15 @@ def test_standard_deviations_are_those_of_the_covariance(objects):
     camera_sigma = np.sqrt(np.diag(fused.covariance))
     assert fused.focal_sigma_px == camera_sigma[0]
     np.testing.assert_array_equal(fused.center_sigma_px, camera_sigma[1:3])
-    assert fused.terms_sigma == tuple(camera_sigma[3:])
+    assert fused.terms_sigma == tuple(camera_sigma[3:7])
+    assert (fused.aspect_sigma, *fused.decentring_sigma) == tuple(camera_sigma[7:])
     no_model = objects['PoseEstimate without a model']
     assert np.isnan([no_model.focal_sigma_px, no_model.k_sigma, no_model.distance_sigma]).all()
 
 
 @pytest.mark.parametrize(
-    ('terms', 'order'), [((0.0,), 1), ((-0.2, 0.1), 2), ((-0.2, 0.0, 0.1), 3)]
+    ('terms', 'order'),
+    [((0.0,), 1), ((-0.2, 0.1), 2), ((-0.2, 0.0, 0.1), 3), ((0.0, 0.0, 0.0, 0.1), 4)],
 )
 def test_order_counts_the_terms(terms, order):
     assert DivisionCamera(500.0, (320.0, 240.0), *terms).order == order

@@ -163,7 +163,7 @@ def _fit_equidistant(rays: _VisibleRays) -> CameraInfoModel:
 def _straight_beyond(r: Array, angle_rad: Array, corner: float) -> tuple[Array, Array]:
     """Return angles and radii of a straight line from the last sample to the corner."""
     slope = (r[-1] - r[-_AZIMUTHS - 1]) / max(angle_rad[-1] - angle_rad[-_AZIMUTHS - 1], 1e-12)
-    slope = max(slope, 0.1 * r[-1] / angle_rad[-1])
+    slope = max(slope, 0.1 * r[-1] / max(angle_rad[-1], 1e-12))
     last_rad = min(angle_rad[-1] + max(corner - r[-1], 0.0) / slope, math.pi)
     beyond_rad = np.linspace(angle_rad[-1], last_rad, _BEYOND_SAMPLES + 1)[1:]
     return beyond_rad, r[-1] + slope * (beyond_rad - angle_rad[-1])
@@ -254,7 +254,8 @@ class _RationalFit:
 
 def _damped_step(jacobian: Array, error: Array, damping: float) -> Array:
     # By lstsq on J itself: its columns are nearly dependent, which JᵀJ would not resolve.
-    scale = np.linalg.norm(jacobian, axis=0)
+    length = np.linalg.norm(jacobian, axis=0)
+    scale = np.where(length > 0.0, length, 1.0)
     n = len(scale)
     scaled = np.vstack([jacobian / scale, math.sqrt(damping) * np.eye(n)])
     step: Array = np.linalg.lstsq(scaled, np.append(error, np.zeros(n)), rcond=None)[0] / scale

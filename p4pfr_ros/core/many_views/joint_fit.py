@@ -179,10 +179,13 @@ class JointFit:
         total, gradient = self.equations[:, :-1], self.equations[:, -1]
         inverse = inverse_of_information(total)
         of_noise = self.posterior_variance * (total - self.prior)
-        covariance = inverse @ (of_noise + self.variance * self.prior) @ inverse
-        step = inverse @ gradient
-        moment = covariance + np.outer(step, step)
-        return 0.5 * (moment + moment.T)
+        # Not finite if the numbers are extreme.
+        with np.errstate(all='ignore'):
+            covariance = inverse @ (of_noise + self.variance * self.prior) @ inverse
+            step = inverse @ gradient
+            moment = covariance + np.outer(step, step)
+            symmetric: Array = 0.5 * (moment + moment.T)
+        return symmetric
 
     @property
     def covariance(self) -> Array:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 import enum
 import math
 from typing import Any
@@ -252,6 +252,12 @@ class CameraEstimate:
         return fields_equal(self, other)
 
     __hash__ = None  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A mapping proxy has no pickle.
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        values['board_shapes'] = dict(self.board_shapes)
+        return CameraEstimate, tuple(values.values())
 
     def __repr__(self) -> str:
         return (

@@ -232,7 +232,10 @@ class SelfCalibration:
         is_last = bool(fit.views) and fit.views[-1].view is candidate.view
         if is_last and len(fit.views) + self._prior.views == 1:
             return candidate.estimate_alone()
-        return candidate.estimate_with(fit, fit.poses[-1] if is_last else candidate.row)
+        estimate = candidate.estimate_with(fit, fit.poses[-1] if is_last else candidate.row)
+        if estimate.model is None and self.state is not CalibrationState.CALIBRATED:
+            return candidate.estimate_alone()
+        return estimate
 
     @property
     def _is_doubtful(self) -> bool:

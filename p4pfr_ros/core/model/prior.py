@@ -215,7 +215,9 @@ class CommonPrior:
         reference[rest] = self.reference[rest]
         kept = self.information[np.ix_(rest, rest)] - across @ self.information[np.ix_(at, rest)]
         information[np.ix_(rest, rest)] = 0.5 * (kept + kept.T)
-        gradient[rest] = self.gradient[rest] - across @ self.gradient[at]
+        # The gradient of the typical shape, which is flat, at the reference.
+        of_shape = self.gradient[at] - typical @ self.reference[at]
+        gradient[rest] = self.gradient[rest] - across @ of_shape
         share = self.marginalised[np.ix_(rest, rest)]
         marginalised[np.ix_(rest, rest)] = np.minimum(np.abs(share), np.abs(kept)) * np.sign(kept)
         return CommonPrior(

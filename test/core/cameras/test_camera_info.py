@@ -12,7 +12,7 @@ import numpy as np
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.cameras.closest_division import division_camera_from_model
-from p4pfr_ros.core.cameras.division import closed_form
+from p4pfr_ros.core.cameras.convert import closed_form
 import pytest
 
 over_models = pytest.mark.parametrize('model', MODELS.values(), ids=MODELS)
