@@ -37,8 +37,9 @@ from ..model.uncertainty import DEFAULT_SIGMA_PX, noise_variance, posterior_vari
 _GATE_SIGMAS = 6.0
 _SMALLEST_GATE_PX = 0.1
 
-# Additional degrees of freedom with a scatter of 1: few views do not measure it.
-_SCATTER_FREEDOM = 4.0
+# Additional degrees of freedom, with the scatter of real boards: few views do not measure it.
+_SCATTER_FREEDOM = 10.0
+_USUAL_SCATTER = 5.0
 
 # The median of the squared length of a normal error is 2 ln 2 variances of a coordinate.
 _MEDIAN_SQUARE = 2.0 * math.log(2.0)
@@ -388,7 +389,8 @@ def scatter_of(
     expected = information - information @ inverse_of_information(total) @ information
     squares = np.einsum('va,vab,vb->', gradients, alone, gradients) / variance
     freedom = np.einsum('vab,vba->', alone, expected)
-    return max(1.0, float((_SCATTER_FREEDOM + squares) / (_SCATTER_FREEDOM + freedom)))
+    before = _SCATTER_FREEDOM * _USUAL_SCATTER
+    return max(1.0, float((before + squares) / (_SCATTER_FREEDOM + freedom)))
 
 
 def keyframes_of(fit: JointFit) -> tuple[Keyframe, ...]:

@@ -161,7 +161,7 @@ def _tried_terms(terms: FreeTerms) -> list[FreeTerms]:
     tried = [terms]
     if not terms.imperfect:
         tried.append(terms._replace(imperfect=True))
-    tried += [FreeTerms(order, imperfect=True) for order in range(terms.order + 1, MAX_ORDER + 1)]
+        tried.append(FreeTerms(MAX_ORDER, imperfect=True))
     return tried
 
 

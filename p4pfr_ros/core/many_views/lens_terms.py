@@ -95,7 +95,7 @@ def _one_more(terms: FreeTerms) -> Iterator[tuple[FreeTerms, Ints]]:
     if terms.order < MAX_ORDER:
         yield terms._replace(order=terms.order + 1), np.array([K + terms.order])
     if not terms.imperfect:
-        yield terms._replace(imperfect=True), np.array(IMPERFECTIONS)
+        yield FreeTerms(MAX_ORDER, imperfect=True), np.array(IMPERFECTIONS)
 
 
 def _score(fit: JointFit, columns: Ints) -> float:
@@ -120,7 +120,7 @@ def _prior_of_fixed(fit: JointFit, columns: Ints) -> Array:
 def _without_needless(fit: JointFit) -> FreeTerms:
     """Return the terms without one that does not differ significantly from zero."""
     terms = fit.terms
-    if terms.order > 1 and _is_zero(fit, np.array([K + terms.order - 1])):
+    if not terms.imperfect and terms.order > 1 and _is_zero(fit, np.array([K + terms.order - 1])):
         return terms._replace(order=terms.order - 1)
     if terms.imperfect and _is_zero(fit, np.array(IMPERFECTIONS)):
         return terms._replace(imperfect=False)
