@@ -10,6 +10,7 @@ modules would import each other.
 
 from __future__ import annotations
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -23,6 +24,10 @@ _GOOD_ENOUGH_PX = 0.1
 _TERMS = 4
 _ANGLES = 400
 _ALONG_A_SIDE = 33
+
+# Gauss-Newton for the decentring: number of steps, and those of its difference quotients.
+_DECENTRING_STEPS = 3
+_STEP_PX, _STEP = 0.01, 1e-5
 
 
 def division_camera_from_model(model: CameraInfoModel) -> tuple[DivisionCamera, float]:
@@ -42,6 +47,8 @@ def division_camera_from_model(model: CameraInfoModel) -> tuple[DivisionCamera, 
         camera = _fitted(angle, p, terms, model)
         if camera is None:
             continue
+        if camera.is_decentred:
+            camera = _decentred(camera, pixels, rays)
         error_px = np.linalg.norm(camera.project(rays) - pixels, axis=1)[~np.isnan(rays[:, 2])]
         residual_px = float(np.nan_to_num(error_px, nan=np.inf).max(initial=0.0))
         candidates.append((residual_px, terms, camera))
@@ -95,6 +102,32 @@ def _fitted(angle: Array, p: Array, terms: int, model: CameraInfoModel) -> Divis
         return DivisionCamera(float(g[0]), model.center_px, k[0], k[1], k[2], k[3], aspect, p1, p2)
     except ValueError:  # a coefficient is extreme
         return None
+
+
+def _decentred(camera: DivisionCamera, pixels: Array, rays: Array) -> DivisionCamera:
+    """
+    Fit centre, p1 and p2 to the pixels of rays, both (n, ·), by Gauss-Newton.
+
+    The model's decentring grows with the square of the ray's slope, the division camera's with
+    that of the pixel's radius: where the two differ, the centre makes up for a part.
+    """
+    for _ in range(_DECENTRING_STEPS):
+        (x, y), p1, p2 = camera.center_px, camera.p1, camera.p2
+        projected = camera.project(rays)
+        seen = ~np.isnan(projected[:, 0])
+        others = (
+            replace(camera, center_px=(x + _STEP_PX, y)),
+            replace(camera, center_px=(x, y + _STEP_PX)),
+            replace(camera, p1=p1 + _STEP),
+            replace(camera, p2=p2 + _STEP),
+        )
+        columns = [(other.project(rays) - projected)[seen].ravel() for other in others]
+        error = (pixels - projected)[seen].ravel()
+        step = np.linalg.lstsq(np.stack(columns, axis=-1), error, rcond=None)[0]
+        dx, dy = (step[:2] * _STEP_PX).tolist()
+        dp1, dp2 = (step[2:] * _STEP).tolist()
+        camera = replace(camera, center_px=(x + dx, y + dy), p1=p1 + dp1, p2=p2 + dp2)
+    return camera
 
 
 def _pixels(image_size: tuple[int, int]) -> Array:
