@@ -39,6 +39,7 @@ from p4pfr_ros.cli.arguments import (
 )
 from p4pfr_ros.cli.terminal import print_table, with_progress
 from p4pfr_ros.core.cameras.camera_info import MAX_NUMBER
+from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
 from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.calibration import Calibration, load_calibration
@@ -115,6 +116,24 @@ class Given:
     options: EstimateOptions
     center_px: tuple[float, float] | None
     calibration: Calibration | None
+
+    def wrong_size(self, width: int, height: int) -> str:
+        """Return why the calibration is not that of an image of this size; '' if it is."""
+        if self.calibration is None or self.calibration.image_size == (width, height):
+            return ''
+        expected = '{}x{}'.format(*self.calibration.image_size)
+        return f'expected {expected} px as calibrated, got {width}x{height}'
+
+    def camera_and_shape(
+        self, board_points: Array
+    ) -> tuple[DivisionCamera | CameraInfoModel | None, BoardShape | None]:
+        """Return the known camera, and the shape of the board from its calibration."""
+        if self.calibration is None:
+            return None, None
+        known = self.calibration.estimate
+        if known is None:
+            return self.calibration.model, None
+        return known.camera, shape_in_use(known, self.board.name, board_points)
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -253,20 +272,15 @@ def _estimate(path: Path, given: Given, draw_folder: Path | None) -> ImageEstima
     image = image_or_reason(path)
     if isinstance(image, str):
         return FailedImage(path, image)
-    board, calibration = given.board, given.calibration
     height, width = image.shape[:2]
-    if calibration is not None and calibration.image_size != (width, height):
-        expected = '{}x{}'.format(*calibration.image_size)
-        return FailedImage(path, f'expected {expected} px as calibrated, got {width}x{height}')
+    wrong_size = given.wrong_size(width, height)
+    if wrong_size:
+        return FailedImage(path, wrong_size)
+    board = given.board
     detection = detect(image, board)
     if detection.reason:
         return FailedImage(path, detection.reason)
-    camera: DivisionCamera | CameraInfoModel | None = None
-    shape: BoardShape | None = None
-    if calibration is not None:
-        camera, known = calibration.model, calibration.estimate
-        if known is not None:
-            camera, shape = known.camera, shape_in_use(known, board.name, detection.board_points)
+    camera, shape = given.camera_and_shape(detection.board_points)
     estimate = estimate_pose(
         detection.image_points,
         detection.board_points,

@@ -357,9 +357,14 @@ def _shape_from(fields: Fields) -> BoardShape:
 
 
 def _is_covariance(matrix: Array) -> bool:
-    if not np.abs(matrix).max() <= _LARGEST_SHAPE**2:
+    variances = np.diag(matrix)
+    if not np.abs(matrix).max() <= _LARGEST_SHAPE**2 or variances.min() < 0.0:
         return False
-    sigma = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    # What is exact is correlated with nothing.
+    if matrix[variances == 0.0].any():
+        return False
+    # In units of the standard deviations.
+    sigma = np.sqrt(variances)
     unit = matrix / np.outer(*(2 * [np.where(sigma > 0.0, sigma, 1.0)]))
     symmetric = np.abs(unit - unit.T).max() <= _ROUNDING
     return bool(symmetric and np.linalg.eigvalsh(unit)[0] >= -_ROUNDING)
