@@ -111,7 +111,8 @@ def _board_shape(estimate: Any, corners: CornerSet) -> Array:
     # Until self-calibration estimates the shape of each board.
     shape = estimate.board_shape(BOARD)
     assert shape is not None
-    return shape.points(corners.board_points)
+    points: Array = shape.points(corners.board_points)
+    return points
 
 
 def _opencv(flags: int, corners: CornerSet) -> Fit | None:

@@ -7,21 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-import math
 from pathlib import Path
 
 import numpy as np
 from p4pfr_ros import estimate_pose, EstimateOptions, PoseEstimate
 from p4pfr_ros.core.geometry import Array
 
-# Focal lengths of the cameras of the real corners, px, from calibrations of all their views with
-# aspect ratio and the shape of the board; the geometric mean if the pixels are not square.
+# Focal lengths fx of the cameras of the real corners, px, from calibrations of all their views
+# with aspect ratio and the shape of the board.
 REAL_FOCAL_PX = {
-    'opencv_left': 533.6,
-    'gopro_hero': 439.5,
-    'gopro_wide': 564.2,
-    'fisheye_a_left': 228.0,
-    'webcam_stretched': math.sqrt(195.4 * 231.5),
+    'opencv_left': 533.5,
+    'gopro_hero': 440.1,
+    'gopro_wide': 563.7,
+    'fisheye_a_left': 228.3,
+    'webcam_stretched': 195.4,
 }
 REAL_SIGMAS = 3.0
 # Its pixels are 18 % from square, far more than any deviation that the options allow for.

@@ -15,7 +15,8 @@ import math
 import numpy as np
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array, Pose
-from p4pfr_ros.core.many_views.joint_fit import board_view, fit_views, Start
+from p4pfr_ros.core.many_views.board_views import board_view
+from p4pfr_ros.core.many_views.joint_fit import fit_views, Start
 from p4pfr_ros.core.model.lens import camera_from_lens, lens_from_camera
 from p4pfr_ros.core.model.observation import observe
 from p4pfr_ros.core.model.prior import CommonPrior, FreeTerms, TypicalCamera

@@ -92,7 +92,7 @@ def _fitted(angle: Array, p: Array, terms: int, model: CameraInfoModel) -> Divis
         p1, p2 = (-number * scale for number in model.coefficients[2:4])
     aspect = model.focal_px[1] / focal_px
     try:
-        return DivisionCamera(float(g[0]), model.center_px, *k, aspect, p1, p2)
+        return DivisionCamera(float(g[0]), model.center_px, k[0], k[1], k[2], k[3], aspect, p1, p2)
     except ValueError:  # a coefficient is extreme
         return None
 

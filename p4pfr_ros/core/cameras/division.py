@@ -4,9 +4,9 @@
 """
 ``DivisionCamera``: the division model of a lens, one to four radial terms, and decentring.
 
-The pixel at e from the centre (in focal lengths, without decentring) sees the ray (e, w(|e|²)) with
-w(q) = 1 + k q + k2 q² + k3 q³ + k4 q⁴.  The functions below the class are that polynomial and the
-projection.
+The pixel at e from the centre (in focal lengths, without decentring) sees the ray (e, w(|e|²))
+with  w(q) = 1 + k q + k2 q² + k3 q³ + k4 q⁴.  The functions below the class are that polynomial
+and the projection.
 """
 
 from __future__ import annotations

@@ -6,10 +6,10 @@ Bundle adjustment: Levenberg-Marquardt over lens, board shapes and the poses of 
 
 Lens (10) and shapes (8 for each board) are the common parameters. A pose belongs to one view, so
 JᵀJ is an arrow: a 6x6 block for each pose, a border for the common parameters. Each view has one
-block of 25 columns, pose, lens, its board's shape, and the residual: [C B; Bᵀ A] by pose and common
-parameters, with the gradients c and a. Eliminating the pose by the first row leaves the Schur
-complement  A - Bᵀ C⁻¹ B,  the view's information about lens and shape when its pose is unknown, and
-the gradient  a - Bᵀ C⁻¹ c.  The time is linear in the number of points.
+block of 25 columns, pose, lens, its board's shape, and the residual: [C B; Bᵀ A] by pose and
+common parameters, with the gradients c and a. Eliminating the pose by the first row leaves the
+Schur complement  A - Bᵀ C⁻¹ B,  the view's information about lens and shape when its pose is
+unknown, and the gradient  a - Bᵀ C⁻¹ c.  The time is linear in the number of points.
 """
 
 from __future__ import annotations

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .board_views import board_view, BoardView, stacked_views
 from .bundle_adjustment import (
     COLUMNS,
     pose_step,
@@ -28,7 +29,7 @@ from .bundle_adjustment import (
     VIEW_COMMON,
     WIDTH,
 )
-from .joint_fit import board_view, BoardView, JointFit, stacked_views
+from .joint_fit import JointFit
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION
 from ..jit import jit

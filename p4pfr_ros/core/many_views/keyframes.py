@@ -16,17 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .board_views import board_view, BoardFrame, BoardView, MAX_BOARDS, place_of
 from .candidate import Candidate, disagrees, EvaluatedView
-from .joint_fit import (
-    board_view,
-    BoardFrame,
-    BoardView,
-    fit_views,
-    JointFit,
-    MAX_BOARDS,
-    place_of,
-    Start,
-)
+from .joint_fit import fit_views, JointFit, Start
 from .lens_terms import ENOUGH_FOR_A_TERM, with_lens_terms
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION

@@ -133,12 +133,11 @@ def projection_sigmas_px(camera: DivisionCamera, covariance: Array, pixels: Arra
     lens = _lens_about_center(camera)
     rows = np.empty((n, 2, LENS_END))
     _project_rows(rays, lens, pixels - camera.center_px, rows)
-    rows = rows.reshape(2 * n, LENS_END)
-    rows = np.where(np.isfinite(rows), rows, 0.0)
-    turns, by_lens = rows[:, :3], rows[:, LENS_END - LENS_SIZE :]
+    flat = np.nan_to_num(rows.reshape(2 * n, LENS_END), posinf=0.0, neginf=0.0)
+    turns, by_lens = flat[:, :3], flat[:, LENS_END - LENS_SIZE :]
     by_lens = by_lens - turns @ np.linalg.lstsq(turns, by_lens, rcond=None)[0]
-    by_lens = by_lens.reshape(n, 2, LENS_SIZE)
-    variances = by_lens @ covariance @ by_lens.transpose(0, 2, 1)
+    each = by_lens.reshape(n, 2, LENS_SIZE)
+    variances = each @ covariance @ each.transpose(0, 2, 1)
     a, b, d = variances[:, 0, 0], variances[:, 0, 1], variances[:, 1, 1]
     largest = 0.5 * (a + d) + np.sqrt((0.5 * (a - d)) ** 2 + b**2)
     sigmas: Array = np.sqrt(np.maximum(largest, 0.0))

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 import enum
 import math
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -240,7 +239,7 @@ class CameraEstimate:
             raise ValueError(f'projection_sigma_px must be finite and ≥ 0, got {given}')
         if self.seen_radius_px is not None and not 0.0 < self.seen_radius_px < math.inf:
             raise ValueError(f'seen_radius_px must be finite and > 0, got {self.seen_radius_px}')
-        object.__setattr__(self, 'board_shapes', MappingProxyType(dict(self.board_shapes)))
+        object.__setattr__(self, 'board_shapes', dict(self.board_shapes))
         if self.coverage is not None:
             coverage = np.array(self.coverage, dtype=bool)
             if coverage.shape != COVERAGE_SHAPE:

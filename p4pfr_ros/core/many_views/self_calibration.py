@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .board_views import BoardFrame
 from .candidate import Candidate, EvaluatedView
 from .change_detection import ChangeDetector
-from .joint_fit import BoardFrame, fit_of_prior, fit_views, JointFit, keyframes_of, Start
+from .joint_fit import fit_of_prior, fit_views, JointFit, keyframes_of, Start
 from .keyframes import (
     determines_focal,
     distance_to_views_px,

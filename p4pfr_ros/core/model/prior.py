@@ -28,8 +28,8 @@ FOCAL_SIGMA = 0.5  # relative
 BEND_SIGMA = 0.3  # of k |d|² at the image's corner
 
 # Standard deviations of k to k4 of real lenses (an equidistant one has about -1/3, -1/45, -2/945
-# and -1/4725), and of their bends kᵢ |d|²ⁱ at the image's corner, for lenses so long that the first
-# would allow hardly any.
+# and -1/4725), and of their bends kᵢ |d|²ⁱ at the image's corner, for lenses so long that the
+# first would allow hardly any.
 TERM_SPREADS = (0.4, 0.03, 0.003, 0.0005)
 BEND_SPREADS = (0.2, 0.1, 0.02, 0.01)
 
@@ -40,9 +40,6 @@ _DECENTRING_SPREAD, _FREE_DECENTRING_SPREAD = 0.001, 0.05
 # Marginalised views count as at most this many; older ones fade, since a lens may change slowly,
 # with temperature for example.
 _MOST_MARGINALISED = 2000.0
-
-# Smallest eigenvalue, with ones on the diagonal, of a matrix that counts as positive definite.
-_CLEARLY_POSITIVE = 1e-9
 
 # Most terms of the polynomial.
 MAX_ORDER = 4
@@ -234,6 +231,8 @@ class CommonPrior:
         Both are in px², at the given lens and boards (C,); variance: of the noise, px²; at: the
         places (18,) of the view's lens and board among them.
         """
+        if not (np.isfinite(information).all() and np.isfinite(gradient).all()):
+            return self
         # The view adds eᵀ S e - 2 gᵀ e to the cost, e the step from the linearisation, that is
         # -2 (g + S (θ - reference))ᵀ d with d the step from the reference.
         faded = self.marginalised / _MOST_MARGINALISED

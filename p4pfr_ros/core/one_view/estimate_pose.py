@@ -221,7 +221,7 @@ def _estimate_by_model(
     """
     camera = _closest(model)
     pixels = camera.project(model.unproject(observation.image_points))
-    visible = ~np.isnan(pixels).any(axis=1)
+    visible = ~np.isnan(pixels[:, 0])
     if np.count_nonzero(visible) < FEWEST_POINTS:
         return no_estimate(Status.NO_SOLUTION, len(observation), 0)
     replaced = observation.with_pixels(pixels, visible)

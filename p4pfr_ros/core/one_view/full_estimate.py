@@ -14,30 +14,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-import functools
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from .describe import assessment, MAX_RATIO, shows_back, ViewProblem
-from .full_fit import fit_view, FullFit, other_focal_excess, Rules
-from .full_model import (
-    BEND,
-    BENDS,
-    BOW_XX,
-    DEVIATIONS,
-    FullProblem,
-    LOG_FOCAL,
-    PARAMETERS,
-    SHEAR,
-    STATE_SIZE,
-    STRETCH,
-)
+from .focal_likelihood import other_focal_excess
+from .full_fit import fit_view, FullFit, Rules
+from .full_model import FullProblem, STATE_SIZE
+from .full_prior import known_prior, lens_of_camera, usual_prior, with_free_aspect, with_prior_on_k
 from .least_squares import Problem
 from .results import (
     CameraFit,
-    EstimateOptions,
     FocalLimits,
     mark_undetermined,
     MAX_FOCAL_SHARE,
@@ -48,23 +36,15 @@ from .results import (
     Status,
     widen_focal,
 )
-from ..cameras.division import DivisionCamera
-from ..geometry import Array, Ints, Pose, POSE_SIZE, TRANSLATION
-from ..linalg import inverse_of_information
+from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION
 from ..minimal.solution import G, H, Solution
 from ..model.lens import (
-    ASPECT,
     camera_from_lens,
-    CX,
-    CY,
     FOCAL,
     K,
-    lens_from_camera,
     LENS_SIZE,
-    P2,
-    POSE_COLUMNS,
 )
-from ..model.prior import BEND_SPREADS, typical_focal_px
+from ..model.prior import typical_focal_px
 from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, DEFAULT_SIGMA_PX, sigma_at
 
 # With fewer points the residuals do not measure the noise.
@@ -89,37 +69,30 @@ _FROM_THE_VIEW = 0.5
 # Optima with rotations closer than this, rad, are the same.
 _SAME_RAD = 0.02
 
-# The bends in a lens.
-_BENDS_AT = slice(BEND, BEND + BENDS)
+# Points that contradict the prior on the aspect ratio by this χ² may be of an image that was
+# scaled; and -2 log of the share of such cameras.
+_NOT_SQUARE = 4.0
+_FREE_ASPECT_CHI2 = 9.2
 
 # Beyond this difference of logarithms a focal length is tried with a typical one instead, too.
 _FAR_FROM_TYPICAL = 1.5
 
 
-class _Lens(NamedTuple):
-    """
-    What is known of lens and deviations before the view.
-
-    mean (10,) and information (10, 10) as ``full_model`` parametrises the lens; usual, sizes and
-    active: see ``FullProblem``.
-    """
-
-    mean: Array
-    information: Array
-    usual: float
-    sizes: Array
-    active: Ints
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A full fit: state (28,), lens (10,), squared errors (N,), covariance (8, 8), and numbers."""
+    """
+    A full fit: state (28,), lens (10,), squared errors (N,), covariance (8, 8), and numbers.
 
+    given: its priors; penalty: χ² that is added in comparisons, as such cameras are rare.
+    """
+
+    given: FullProblem
     state: Array
     lens: Array
     squares: Array
     covariance: Array
     numbers: FullFit
+    penalty: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,22 +128,31 @@ class FullViewProblem(ViewProblem):
         if others is not None:
             fits += self._fits(others, given)
         camera_fit = None if self.camera is None else CameraFit(*summary.stretch)
-        return self._result(fits, given, status, iterations, camera_fit)
+        return self._result(fits, status, iterations, camera_fit)
 
     def estimate_from(
         self, rows: Sequence[Array], status: Status, iterations: int
     ) -> PoseEstimate:
         """Return the result of the full fits that start from rows (≥ 14,), at least one."""
-        given = self._given(rows[0])
-        return self._result(self._fits(rows, given), given, status, iterations)
+        return self._result(self._fits(rows, self._given(rows[0])), status, iterations)
 
     def _fits(self, rows: Iterable[Array], given: FullProblem) -> list[_Fit]:
-        return [self._fit(start, given) for start in self._starts(rows)]
+        """
+        Return the full fits that start from rows.
+
+        Where the points of an unknown camera contradict square pixels, its aspect ratio is free in
+        another fit. Few cameras have such pixels, so that fit must explain the view much better.
+        """
+        fits = [self._fit(start, given) for start in self._starts(rows)]
+        if self.camera is not None or all(fit.numbers.aspect_chi2 < _NOT_SQUARE for fit in fits):
+            return fits
+        free = given._replace(information=with_free_aspect(given.information))
+        starts = [np.concatenate([fit.state[:POSE_SIZE], fit.lens]) for fit in fits]
+        return fits + [self._fit(start, free, penalty=_FREE_ASPECT_CHI2) for start in starts]
 
     def _result(
         self,
         fits: list[_Fit],
-        given: FullProblem,
         status: Status,
         iterations: int,
         camera_fit: CameraFit | None = None,
@@ -192,7 +174,7 @@ class FullViewProblem(ViewProblem):
         ranked = self._ranked(fits)
         best, alternatives = ranked[0][1], [fit for _, fit in ranked[1:]]
         model = self._model(best)
-        observable = self._observable(best, given, model.camera_from_board)
+        observable = self._observable(best, model.camera_from_board)
         if alternatives:
             self._include_alternatives(ranked)
         return PoseEstimate(
@@ -202,7 +184,9 @@ class FullViewProblem(ViewProblem):
             rms_px=math.sqrt(best.numbers.total / best.numbers.inliers),
             iterations=iterations,
             covariance=mark_undetermined(best.covariance, observable),
-            alternatives=tuple(self._model(other) for other in alternatives),
+            alternatives=tuple(
+                self._model(other) for other in alternatives if not _same_pose(other, best)
+            ),
             observable=observable,
             camera_fit=camera_fit,
             focal_limits=None if self.camera else _limits_of(best.numbers),
@@ -235,7 +219,9 @@ class FullViewProblem(ViewProblem):
                 starts.append(other)
         return starts
 
-    def _fit(self, start: Array, given: FullProblem, *, widens: bool = True) -> _Fit:
+    def _fit(
+        self, start: Array, given: FullProblem, *, widens: bool = True, penalty: float = 0.0
+    ) -> _Fit:
         view, options = self.view, self.options
         n = len(view.image)
         state, lens, squares = np.empty(STATE_SIZE), np.empty(LENS_SIZE), np.empty(n)
@@ -249,7 +235,7 @@ class FullViewProblem(ViewProblem):
         )
         scale = view.observation.board_scale
         numbers = fit_view(start, given, rules, scale, state, lens, squares, covariance)
-        return _Fit(state, lens, squares, covariance, numbers)
+        return _Fit(given, state, lens, squares, covariance, numbers, penalty)
 
     def _plausible(self, fit: _Fit) -> bool:
         """
@@ -279,7 +265,9 @@ class FullViewProblem(ViewProblem):
         variance = min(fit.numbers.variance for fit in fits)
         limit = self.options.threshold_px**2
         costs = [
-            float(np.minimum(fit.squares, limit).sum()) / variance + fit.numbers.prior_chi2
+            float(np.minimum(fit.squares, limit).sum()) / variance
+            + fit.numbers.prior_chi2
+            + fit.penalty
             for fit in fits
         ]
         order = sorted(range(len(fits)), key=costs.__getitem__)
@@ -304,22 +292,22 @@ class FullViewProblem(ViewProblem):
             off[COV_K] = fit.lens[K] - best.lens[K]
             best.covariance[:] += weight / weights.sum() * np.outer(off, off)
 
-    def _observable(self, fit: _Fit, given: FullProblem, pose: Pose) -> Observability:
+    def _observable(self, fit: _Fit, pose: Pose) -> Observability:
         """Return what the view determines; widen the covariance by the likelihood of f."""
-        focal_px, covariance = float(fit.lens[FOCAL]), fit.covariance
+        given, focal_px, covariance = fit.given, float(fit.lens[FOCAL]), fit.covariance
         found = observability_of(focal_px, pose.translation, covariance, given.corner_px)
         if self.camera is not None:
             return found
         # A sigma that is hardly smaller than the prior's is not from the view.
         hardly = given.usual > 0.0 and fit.numbers.bend_share >= _FROM_THE_VIEW
         distortion = found.distortion and not hardly
-        share = self._likely_focal_share(fit, given) if found.focal else math.inf
+        share = self._likely_focal_share(fit) if found.focal else math.inf
         if share > MAX_FOCAL_SHARE:
             return Observability(found.direction, False, False, distortion)
         widen_focal(covariance, focal_px, share)
         return Observability(found.direction, found.distance, True, distortion)
 
-    def _likely_focal_share(self, fit: _Fit, given: FullProblem) -> float:
+    def _likely_focal_share(self, fit: _Fit) -> float:
         """
         Return the relative standard deviation of the focal length, from its likelihood too.
 
@@ -334,7 +322,9 @@ class FullViewProblem(ViewProblem):
         log_factor = math.log(2.0)
         not_observable = (log_factor / MAX_FOCAL_SHARE) ** 2
         for factor in (0.5, 2.0):
-            excess = other_focal_excess(fit.state, given, factor, variance, limit, not_observable)
+            excess = other_focal_excess(
+                fit.state, fit.given, factor, variance, limit, not_observable
+            )
             # A normal log f that is off by ln 2 has the chi-square (ln 2 / share)².
             share = max(share, log_factor / math.sqrt(max(excess, 1e-6)))
             if share > MAX_FOCAL_SHARE or (not four and excess > _CLEARLY_WORSE):
@@ -350,119 +340,30 @@ class FullViewProblem(ViewProblem):
         view, options = self.view, self.options
         if self.camera is not None:
             lens, covariance = self.lens_prior or (lens_of_camera(self.camera), None)
-            given = _known_lens(options, lens, view.corner_px, covariance)
-        elif options.prior_k_sigma is None:
-            given = _usual_lens(options, view.corner_px, self.center_known)
+            prior = known_prior(options, lens, view.corner_px, covariance)
         else:
-            given = _usual_lens(options, view.corner_px, self.center_known)
-            given = self._with_prior_on_k(options.prior_focal_px or float(row[G]), given)
+            prior = usual_prior(options, view.corner_px, self.center_known)
+            if options.prior_k_sigma is not None:
+                focal_px = options.prior_focal_px or float(row[G])
+                prior = with_prior_on_k(prior, options, focal_px, view.corner_px)
         board = np.column_stack([view.board, view.heights])
-        return FullProblem(view.image, board, view.corner_px, *given)
-
-    def _with_prior_on_k(self, focal_px: float, given: _Lens) -> _Lens:
-        """Add the caller's prior on k = b₁ (f/R)², linear about a focal length."""
-        options, unit = self.options, (focal_px / self.view.corner_px) ** 2
-        sigma = options.prior_k_sigma
-        assert sigma is not None
-        mean, information = given.mean.copy(), given.information.copy()
-        # dk = unit db₁ + 2 k d(log f); the mean has the given k at its own focal length.
-        by = np.zeros(LENS_SIZE)
-        by[LOG_FOCAL], by[BEND] = 2.0 * options.prior_k, unit
-        information[_BENDS_AT, _BENDS_AT] = np.diag([0.0, *np.power(BEND_SPREADS[1:], -2.0)])
-        information += np.outer(by, by) / sigma**2
-        mean[BEND] = options.prior_k * (1.0 + 2.0 * (math.log(focal_px) - mean[LOG_FOCAL])) / unit
-        return given._replace(mean=mean, information=information, usual=0.0)
-
-
-def lens_of_camera(camera: DivisionCamera) -> Array:
-    """Return the lens (10,) of a camera, relative to its own centre."""
-    return lens_from_camera(camera, camera.center_px)
-
-
-def _known_lens(
-    options: EstimateOptions, lens: Array, corner_px: float, covariance: Array | None
-) -> _Lens:
-    """Return a known lens (10,); terms of zero variance keep their values."""
-    powers = (corner_px / lens[FOCAL]) ** (2.0 * np.arange(1, BENDS + 1))
-    mean = lens.copy()
-    mean[LOG_FOCAL] = math.log(lens[FOCAL])
-    mean[_BENDS_AT] *= powers
-    exact = _exact_lens(options)
-    if covariance is None:
-        return exact._replace(mean=mean)
-    # θ = (log f, c, bᵢ = kᵢ (R/f)²ⁱ, ...):  d(log f) = df / f,
-    # dbᵢ = (R/f)²ⁱ dkᵢ - 2i bᵢ df / f.
-    jacobian = np.eye(LENS_SIZE)
-    jacobian[LOG_FOCAL, FOCAL] = 1.0 / lens[FOCAL]
-    for i in range(BENDS):
-        jacobian[BEND + i, K + i] = powers[i]
-        jacobian[BEND + i, FOCAL] = -(2 * i + 2) * mean[BEND + i] / lens[FOCAL]
-    free = np.diag(covariance) > 0.0
-    transformed = (jacobian @ covariance @ jacobian.T)[np.ix_(free, free)]
-    information = np.zeros((LENS_SIZE, LENS_SIZE))
-    information[np.ix_(free, free)] = inverse_of_information(transformed)
-    if not free[ASPECT] and options.aspect_spread > 0.0:
-        free[ASPECT] = True
-        information[ASPECT, ASPECT] = options.aspect_spread**-2.0
-    active = np.concatenate([np.ones(POSE_COLUMNS, dtype=bool), free, exact.sizes > 0.0])
-    return _Lens(mean, information, 0.0, exact.sizes, np.flatnonzero(active))
-
-
-@functools.lru_cache(maxsize=64)
-def _exact_lens(options: EstimateOptions) -> _Lens:
-    """Return what all exactly known lenses have in common; read-only."""
-    sizes = _sizes_of(options)
-    active = np.concatenate([np.arange(PARAMETERS - DEVIATIONS) < POSE_COLUMNS, sizes > 0.0])
-    information = np.zeros((LENS_SIZE, LENS_SIZE))
-    if options.aspect_spread > 0.0:
-        active[POSE_COLUMNS + ASPECT] = True
-        information[ASPECT, ASPECT] = options.aspect_spread**-2.0
-    return _Lens(np.zeros(LENS_SIZE), information, 0.0, sizes, np.flatnonzero(active))
-
-
-@functools.lru_cache(maxsize=64)
-def _usual_lens(options: EstimateOptions, corner_px: float, center_known: bool) -> _Lens:
-    """Return the priors on the lens of an unknown camera; read-only, for all its views."""
-    mean, sigma = np.zeros(LENS_SIZE), np.ones(LENS_SIZE)
-    mean[LOG_FOCAL] = math.log(typical_focal_px(corner_px))
-    sigma[LOG_FOCAL] = options.focal_spread
-    if options.prior_focal_px is not None and options.prior_focal_sigma_px is not None:
-        mean[LOG_FOCAL] = math.log(options.prior_focal_px)
-        sigma[LOG_FOCAL] = options.prior_focal_sigma_px / options.prior_focal_px
-    center_known = center_known or options.center_spread == 0.0
-    if not center_known:
-        sigma[CX] = sigma[CY] = options.center_spread * 2.0 * corner_px
-    if options.aspect_spread > 0.0:
-        sigma[ASPECT] = options.aspect_spread
-    sizes = _sizes_of(options)
-    sizes[SHEAR] = 0.0  # which would cost an unknown camera half of its accuracy
-    active = np.ones(PARAMETERS, dtype=bool)
-    active[POSE_COLUMNS + CX : POSE_COLUMNS + CY + 1] = not center_known
-    active[POSE_COLUMNS + BEND + 1 : POSE_COLUMNS + BEND + 3] = options.lens_spread > 0.0
-    active[POSE_COLUMNS + BEND + 3 : POSE_COLUMNS + P2 + 1] = False
-    active[POSE_COLUMNS + ASPECT] = options.aspect_spread > 0.0
-    active[POSE_COLUMNS + LENS_SIZE :] = sizes > 0.0
-    usual = options.lens_spread or 1.0
-    return _Lens(mean, np.diag(sigma**-2.0), usual, sizes, np.flatnonzero(active))
-
-
-def _sizes_of(options: EstimateOptions) -> Array:
-    sizes = np.zeros(DEVIATIONS)
-    sizes[SHEAR] = options.image_shear
-    sizes[STRETCH : STRETCH + 2] = options.board_stretch
-    sizes[BOW_XX:] = options.board_bow
-    return sizes
+        return FullProblem(view.image, board, view.corner_px, *prior)
 
 
 def _different(ranked: Sequence[tuple[float, _Fit]]) -> list[tuple[float, _Fit]]:
     """Return the fits that differ from those before them."""
     kept = [ranked[0]]
     for excess, fit in ranked[1:]:
-        apart = (np.linalg.norm(fit.state[:9] - other.state[:9]) for _, other in kept)
-        # |A - B| = √8 sin(angle / 2)
-        if min(apart) > math.sqrt(2.0) * _SAME_RAD:
+        if not any(fit.penalty == other.penalty and _same_pose(fit, other) for _, other in kept):
             kept.append((excess, fit))
     return kept
+
+
+def _same_pose(fit: _Fit, other: _Fit) -> bool:
+    """Return whether the rotations of two fits are the same."""
+    # |A - B| = √8 sin(angle / 2)
+    apart = float(np.linalg.norm(fit.state[:9] - other.state[:9]))
+    return apart <= math.sqrt(2.0) * _SAME_RAD
 
 
 def _focal_share(fit: _Fit) -> float:

@@ -4,8 +4,8 @@
 """
 The full fit of one view: the maximum of the posterior, with the covariance that follows.
 
-``full_model`` has the parameters, ``full_descent`` the least squares. Here are the starts, the end
-of a fit, and the likelihood of other focal lengths.
+``full_model`` has the parameters, ``full_descent`` the least squares. Here are the starts and
+the end of a fit.
 
 This module stands alone because it is compiled; ``full_estimate`` makes a result of it.
 """
@@ -28,9 +28,7 @@ from .full_descent import (
     Noise,
     slightly_off,
     SMALLEST_SIGMA_PX,
-    START_STEPS,
     step,
-    WIDE,
 )
 from .full_model import (
     add_priors,
@@ -57,7 +55,7 @@ from .full_model import (
 from ..geometry import Array, POSE_SIZE, TRANSLATION
 from ..jit import jit, kernel
 from ..linalg import invert_information
-from ..model.lens import FOCAL, K, POSE_COLUMNS
+from ..model.lens import ASPECT, FOCAL, K, POSE_COLUMNS
 from ..model.uncertainty import (
     COV_FOCAL,
     COV_K,
@@ -73,10 +71,8 @@ _STEPS, _LAST_STEPS = 8, 60
 _ROUNDS = 6
 _SAME_NOISE = 0.05
 
-# With another focal length: number of steps, and the information that holds its logarithm.
-_HELD_STEPS = 8
-_HOPELESS = 20.0
-_HELD = 1e10
+# Of the prior's variance: with less that the points take away they say nothing.
+_LEAST_SHARE = 1e-4
 
 # How often a known camera's view gets larger deviations, and how much larger in all.
 _WIDENINGS = 4
@@ -108,6 +104,7 @@ class FullFit(NamedTuple):
     was seen; seen_bend: bend there.
     inliers: their number, and total: the sum of their squared errors, px².
     bend_share: variance of the first bend over that of its prior.
+    aspect_chi2: how much the points contradict the prior on the aspect ratio, in variances.
     focal_by_center, focal_by_lens, focal_by_others: shares of the focal length's variance that are
     from the priors on the centre, the bends, and the other deviations.
     """
@@ -122,6 +119,7 @@ class FullFit(NamedTuple):
     inliers: int
     total: float
     bend_share: float
+    aspect_chi2: float
     focal_by_center: float
     focal_by_lens: float
     focal_by_others: float
@@ -166,6 +164,7 @@ def fit_view(
         inliers,
         total,
         bend_share,
+        _aspect_chi2(state, problem, work),
         by_center,
         by_lens,
         by_others,
@@ -212,6 +211,22 @@ def _prior_shares(problem: FullProblem, work: FullWork) -> tuple[float, float, f
         else:
             by_center += share
     return bend_share, by_center, by_lens, by_others
+
+
+@kernel
+def _aspect_chi2(state: Array, problem: FullProblem, work: FullWork) -> float:
+    """Return χ² of the aspect ratio that the points alone ask for, against its prior."""
+    # Prior N(m, s²) and points N(a, d²) give the mean  m + (a - m) s² / (s² + d²)  and the
+    # variance V = s² d² / (s² + d²): ((mean - m) / s)² is the share 1 - V / s² of
+    # (a - m)² / (s² + d²).
+    active = problem.active
+    for i in range(len(active)):
+        if active[i] == LENS_COLUMN + ASPECT:
+            prior = problem.information[ASPECT, ASPECT]
+            pull = (state[LENS + ASPECT] - problem.mean[ASPECT]) ** 2 * prior
+            chi2: float = pull / max(1.0 - work.covariance[i, i] * prior, _LEAST_SHARE)
+            return chi2
+    return 0.0
 
 
 @jit
@@ -436,52 +451,3 @@ def _add_scale(
                 size * state[TRANSLATION + j] - state[3 * j] * mean_x - state[3 * j + 1] * mean_y
             )
             covariance[i, j] += sigma * sigma * first * second
-
-
-@jit
-def other_focal_excess(
-    state: Array,
-    problem: FullProblem,
-    factor: float,
-    variance: float,
-    limit: float,
-    enough: float,
-) -> float:
-    """
-    Return by how much chi-square grows with another focal length, all else fitted again.
-
-    A value well beyond ``enough``, or well below, is rough.
-
-    Near fronto-parallel views the standard deviation misleads: the estimate rests on a tilt that
-    is noise, and at that tilt the focal length seems determined.
-    """
-    work = full_work(len(problem.image))
-    write_squares(state, problem, work)
-    cost = chi2_of(state, problem, variance, limit, work)
-    other = state.copy()
-    # The size in the image stays the same.
-    other[LENS + LOG_FOCAL] += math.log(factor)
-    other[TRANSLATION + 2] *= factor
-    mean, information = problem.mean.copy(), problem.information.copy()
-    information[LOG_FOCAL, :] = 0.0
-    information[:, LOG_FOCAL] = 0.0
-    mean[LOG_FOCAL], information[LOG_FOCAL, LOG_FOCAL] = other[LENS + LOG_FOCAL], _HELD
-    held = FullProblem(
-        problem.image,
-        problem.board,
-        problem.corner_px,
-        mean,
-        information,
-        problem.usual,
-        problem.sizes,
-        problem.active,
-    )
-    set_usual_bends(other, held)
-    noise, target = Noise(variance, False, 0.0), cost + 0.5 * enough
-    descend(other, held, noise, Gate(WIDE * limit, False), START_STEPS, target, work)
-    excess = chi2_of(other, problem, variance, limit, work) - cost
-    if excess > _HOPELESS * enough:
-        return excess
-    descend(other, held, noise, Gate(limit, False), _HELD_STEPS, target, work)
-    write_squares(other, problem, work)
-    return chi2_of(other, problem, variance, limit, work) - cost

@@ -43,7 +43,7 @@ def rays_and_across(image: Array, lens: Array, rays: Array, across: Array) -> No
         slope *= 2.0
         length = math.sqrt(r2 + z * z)
         rays[i, 0], rays[i, 1], rays[i, 2] = x / length, y / length, z / length
-        # The lens sees P at e = (x, y) where  X z = x Z  and  Y z = y Z. At P = (x, y, z), the ray:
+        # The lens sees P at e = (x, y) where  X z = x Z  and  Y z = y Z. At P = (x, y, z):
         #     (z - s x²) dx - s x y dy = z dX - x dZ,   likewise for y,   s = slope.
         # The determinant is z (z - s r²); z cancels, so z = 0 needs no special case.
         scale = length / (z - slope * r2)
