@@ -286,6 +286,9 @@ def _estimate_from(fields: Fields) -> CameraEstimate:
     _check_focal(fields.path_of('focal_px'), focal_px)
     _check_focal(fields.path_of('aspect'), focal_px * numbers.get('aspect', 1.0))
     _check_center(fields.path_of('center_px'), x, y)
+    for name, number in numbers.items():
+        if not abs(number) <= MAX_NUMBER:
+            raise fields.error(name, f'a number within {MAX_NUMBER:g}')
     scatter = 1.0 if is_old else fields.number('scatter')
     projection_sigma_px = _optional(fields, 'projection_sigma_px')
     seen_radius_px = _optional(fields, 'seen_radius_px')

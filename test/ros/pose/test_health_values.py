@@ -39,63 +39,68 @@ def test_numbers_of_one_view():
     assert values['focal_px'] == values['focal_sigma_px'] == values['k'] == 'unknown'
 
 
+CAMERA = DivisionCamera(533.0, (342.3, 233.9), -0.2, 0.01, aspect=1.002, p2=-1e-3)
+SHAPE = BoardShape(
+    np.zeros(2), np.array([0.1, 0.05]), [0, 0, 0.01, 0, 0, 0, 0, 0], 1e-6 * np.eye(8)
+)
+SIGMAS = np.array([0.4, 0.5, 0.25, 0.001, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3, 7e-3])
+FUSED = CameraEstimate(
+    CAMERA,
+    np.diag(SIGMAS**2),
+    rms_px=0.125,
+    views=13,
+    scatter=1.5,
+    projection_sigma_px=0.1234,
+    board_shapes={'wall': SHAPE, '': SHAPE},
+)
+CALIBRATED_VALUES = {
+    'calibration': 'calibrated',
+    'views': '13',
+    'missing': 'nothing',
+    'focal_px': '533.00',
+    'focal_sigma_px': '0.40',
+    'k': '-0.20000',
+    'k_sigma': '0.00100',
+    'k2': '0.01000',
+    'k2_sigma': '0.00200',
+    'k4': '0.00000',
+    'k4_sigma': 'unknown',
+    'aspect': '1.00200',
+    'aspect_sigma': '0.00500',
+    'p1_sigma': 'unknown',
+    'p2': '-0.00100',
+    'p2_sigma': '0.00700',
+    'distortion_order': '2',
+    'center_x_px': '342.30',
+    'center_x_sigma_px': '0.50',
+    'center_y_sigma_px': '0.25',
+    'calibration_rms_px': '0.125',
+    'calibration_scatter': '1.500',
+    'projection_sigma_px': '0.123',
+    'board.wall': 'bowed by 1.50 ± 0.17 mm',
+    'camera_info_model': 'rational_polynomial',
+    'camera_info_residual_px': '0.0100',
+    'camera_info_residual_outside_px': '2.5000',
+}
+
+
 def test_numbers_of_the_calibrated_camera():
-    """They replace those of one view; the names are the same."""
+    """They replace those of one view; the names are the same, with those of the boards."""
     health = Health(0.0)
     before = set(health.status(0.5).values)
     estimate(health, 1.0)
-    camera = DivisionCamera(533.0, (342.3, 233.9), -0.2, 0.01, aspect=1.002, p2=-1e-3)
-    sigmas = [0.4, 0.5, 0.25, 0.001, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3, 7e-3]
-    variances = np.square(sigmas)
-    shape = BoardShape(
-        np.zeros(2), np.array([0.1, 0.05]), [0, 0, 0.01, 0, 0, 0, 0, 0], 1e-6 * np.eye(8)
-    )
-    shapes = {'wall': shape, '': shape}
-    fused = CameraEstimate(
-        camera,
-        np.diag(variances),
-        rms_px=0.125,
-        views=13,
-        scatter=1.5,
-        projection_sigma_px=0.1234,
-        board_shapes=shapes,
-    )
-    health.calibrated(1.0, 'calibrated', 13, fused, restarted=False)
+    health.calibrated(1.0, 'calibrated', 13, FUSED, restarted=False)
     health.camera_info('rational_polynomial', 0.01, 2.5)
     values = health.status(1.0).values
     assert set(values) == before | {'board.wall', 'board'}
-    expected = {
-        'calibration': 'calibrated',
-        'views': '13',
-        'focal_px': '533.00',
-        'focal_sigma_px': '0.40',
-        'k': '-0.20000',
-        'k_sigma': '0.00100',
-        'k2': '0.01000',
-        'k2_sigma': '0.00200',
-        'k4': '0.00000',
-        'k4_sigma': 'unknown',
-        'aspect': '1.00200',
-        'aspect_sigma': '0.00500',
-        'p1_sigma': 'unknown',
-        'p2': '-0.00100',
-        'p2_sigma': '0.00700',
-        'distortion_order': '2',
-        'center_x_px': '342.30',
-        'center_x_sigma_px': '0.50',
-        'center_y_sigma_px': '0.25',
-        'calibration_rms_px': '0.125',
-        'calibration_scatter': '1.500',
-        'projection_sigma_px': '0.123',
-        'board.wall': 'bowed by 1.50 ± 0.17 mm',
-        'missing': 'nothing',
-        'camera_info_model': 'rational_polynomial',
-        'camera_info_residual_px': '0.0100',
-        'camera_info_residual_outside_px': '2.5000',
-    }
-    assert expected.items() <= values.items()
+    assert CALIBRATED_VALUES.items() <= values.items()
+
+
+def test_a_centre_without_uncertainty_is_assumed():
+    health = Health(0.0)
+    variances = SIGMAS**2
     variances[1:3] = 0.0
-    assumed = CameraEstimate(camera, np.diag(variances), rms_px=0.125, views=13)
+    assumed = CameraEstimate(CAMERA, np.diag(variances), rms_px=0.125, views=13)
     health.calibrated(1.0, 'calibrated', 13, assumed, restarted=False)
     values = health.status(1.0).values
     assert (values['center_x_px'], values['center_x_sigma_px']) == ('342.30', 'unknown')
