@@ -314,19 +314,16 @@ def _result_of(
     inlier = squares < limit
     dof = 2 * int(inlier.sum()) - POSE_COLUMNS * len(views) - len(terms.columns)
     measured = measured and dof >= _MIN_DOF
-    given = variance
+    given, count = variance, max(len(boards), 1)
     if measured:
         variance = noise_variance(float(squares[inlier].sum()), dof, limit)
-    count = max(len(boards), 1)
-    before = prior.weighted(given, focal_px, terms, count)
-    after = prior.weighted(variance, focal_px, terms, count)
+    unit = prior.weighted(1.0, focal_px, terms, count)
     # The equations have the prior with the variance of the adjustment.
     equations = work.reduced.copy()
-    off = common - before.reference
-    equations[:, :-1] += after.information - before.information
-    equations[:, -1] += after.gradient - before.gradient
-    equations[:, -1] -= (after.information - before.information) @ off
-    of_prior = after.information - variance * prior.for_boards(count).marginalised
+    equations[:, :-1] += (variance - given) * unit.information
+    at_common = unit.gradient - unit.information @ (common - unit.reference)
+    equations[:, -1] += (variance - given) * at_common
+    of_prior = variance * (unit.information - prior.for_boards(count).marginalised)
     of_view = work.of_view.copy()
     fit = JointFit(
         views=views,

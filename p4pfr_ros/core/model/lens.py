@@ -110,20 +110,28 @@ def linearise_rotated(
     yx, yy, yz = y * s_x, s + y * s_y, y * s_z
     fill_pose_columns(jacobian, 0, a * xx + b * yx, a * xy + b * yy, a * xz + b * yz, qx, qy, qz)
     fill_pose_columns(jacobian, 1, c * xx + d * yx, c * xy + d * yy, c * xz + d * yz, qx, qy, qz)
-    r2 = dx * dx + dy * dy
     for j in range(2):
         along_x, along_y = (a, b) if j == 0 else (c, d)
+        _fill_lens_columns(jacobian, j, along_x, along_y, dx, dy)
         power = (along_x * x + along_y * y) * inverse
         for i in range(4):
             power *= q
             jacobian[j, 6 + K + i] = power
-        jacobian[j, 6 + CX] = 1.0 - j
-        jacobian[j, 6 + CY] = j
-        jacobian[j, 6 + P1] = -2.0 * along_x * dx * dy - along_y * (r2 + 2.0 * dy * dy)
-        jacobian[j, 6 + P2] = -along_x * (r2 + 2.0 * dx * dx) - 2.0 * along_y * dx * dy
     jacobian[0, 6 + FOCAL], jacobian[1, 6 + FOCAL] = dx, (1.0 + lens[ASPECT]) * dy
     jacobian[0, 6 + ASPECT], jacobian[1, 6 + ASPECT] = 0.0, fx * dy
     return fx * dx, fy * dy
+
+
+@kernel
+def _fill_lens_columns(
+    jacobian: Array, j: int, along_x: float, along_y: float, x: float, y: float
+) -> None:
+    """Write the derivatives of coordinate j at d = (x, y) by centre and decentring."""
+    xx, xy, yy = x * x, x * y, y * y
+    jacobian[j, 6 + CX] = 1.0 - j
+    jacobian[j, 6 + CY] = j
+    jacobian[j, 6 + P1] = -2.0 * along_x * xy - along_y * (xx + 3.0 * yy)
+    jacobian[j, 6 + P2] = -along_x * (3.0 * xx + yy) - 2.0 * along_y * xy
 
 
 @kernel

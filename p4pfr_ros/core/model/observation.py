@@ -168,12 +168,14 @@ def observe(image_points: ArrayLike, board_points: ArrayLike, stamp: Any = None)
     board = as_board_points(board_points, 'board_points', len(image))
     if len(image) < FEWEST_POINTS:
         raise ValueError(f'image_points must be at least {FEWEST_POINTS}, got {len(image)}')
+    # Copies: the caller's arrays may be read-only, which would compile the kernel once more.
+    image, board = image.copy(), board.copy()
     scaled, mean = np.empty_like(board), np.empty(2)
     size = _scale_board(board, scaled, mean)
     if not size < math.inf:
         raise ValueError('board_points must have finite squares')
     collinear = size <= 0.0 or _collinear(scaled)
-    return Observation(image.copy(), board.copy(), scaled, mean, size, collinear, stamp)
+    return Observation(image, board, scaled, mean, size, collinear, stamp)
 
 
 def image_center_px(image_size: tuple[float, float]) -> tuple[float, float]:

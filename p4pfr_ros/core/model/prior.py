@@ -167,12 +167,15 @@ class CommonPrior:
     ) -> CommonPrior:
         """Return the prior of a camera that was calibrated: lens (10,), covariance (10, 10)."""
         known = np.flatnonzero(np.diag(covariance) > 0.0)
-        information = np.zeros((LENS_SIZE, LENS_SIZE))
-        information[np.ix_(known, known)] = inverse_of_information(
-            covariance[np.ix_(known, known)]
-        )
+        block = np.ix_(known, known)
+        information, weights = np.zeros((LENS_SIZE, LENS_SIZE)), np.zeros(LENS_SIZE)
+        information[block] = inverse_of_information(covariance[block])
+        # The covariance includes the prior of a typical camera, which every fit adds again.
+        mean, sigma = typical.at(float(lens[FOCAL]), terms_of_lens(lens), 0)
+        weights[known] = sigma[known] ** -2.0
         nothing = np.zeros_like(information)
-        return cls(typical, lens.copy(), information, np.zeros(LENS_SIZE), nothing, views)
+        information -= np.diag(weights)
+        return cls(typical, lens.copy(), information, weights * (lens - mean), nothing, views)
 
     @property
     def boards(self) -> int:
