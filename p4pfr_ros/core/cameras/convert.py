@@ -27,8 +27,8 @@ _GOOD_ENOUGH_PX = 0.1
 _SAMPLES = 300
 _MEASURED = 4000  # radii at which the residual is measured
 # Of a decentred lens: directions, and fewer radii.
-_AZIMUTHS = 16
-_FEWER = 8
+_AZIMUTHS = 8
+_FEWER = 10
 # Smallest Z / ρ of a ray: closer to 90 degrees it hardly reaches the plane in front.
 _SIDEWAYS = 0.01
 
@@ -49,25 +49,51 @@ _START_DAMPING, _MAX_DAMPING = 1e-3, 1e6
 
 
 class RadialCamera(Protocol):
-    """What the conversion needs of a ``DivisionCamera``."""
+    """What the conversion needs of a ``DivisionCamera``, which imports this module."""
 
     @property
-    def focal_px(self) -> float: ...
+    def focal_px(self) -> float:
+        """Focal length fx, px."""
+        ...
+
     @property
-    def focal_xy_px(self) -> tuple[float, float]: ...
+    def focal_xy_px(self) -> tuple[float, float]:
+        """(fx, fy), px."""
+        ...
+
     @property
-    def center_px(self) -> tuple[float, float]: ...
+    def center_px(self) -> tuple[float, float]:
+        """The principal point, px."""
+        ...
+
     @property
-    def k(self) -> float: ...
+    def k(self) -> float:
+        """The first term."""
+        ...
+
     @property
-    def p1(self) -> float: ...
+    def p1(self) -> float:
+        """Decentring."""
+        ...
+
     @property
-    def p2(self) -> float: ...
+    def p2(self) -> float:
+        """Decentring."""
+        ...
+
     @property
-    def is_decentred(self) -> bool: ...
+    def is_decentred(self) -> bool:
+        """Whether p1 or p2 is not zero."""
+        ...
+
     @property
-    def fold_radius(self) -> float: ...
-    def unproject(self, points_px: Array) -> Array: ...
+    def fold_radius(self) -> float:
+        """The |e| up to which rays turn away from the axis."""
+        ...
+
+    def unproject(self, points_px: Array) -> Array:
+        """Return the rays (..., 3) that pixels (..., 2) see."""
+        ...
 
 
 def camera_info_from_division(
