@@ -26,6 +26,7 @@ from .core.many_views.results import (
 from .core.many_views.self_calibration import SelfCalibration
 from .core.minimal.solution import Solution
 from .core.minimal.solver import SolutionBatch, solve_p4pfr, solve_p4pfr_batch
+from .core.model.board_shape import BoardShape
 from .core.one_view.estimate_pose import estimate_pose
 from .core.one_view.results import EstimateOptions, Observability, PoseEstimate, Status
 
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 __version__ = '0.1.0'
 
 __all__ = [
+    'BoardShape',
     'CalibrationOptions',
     'CalibrationState',
     'CameraEstimate',

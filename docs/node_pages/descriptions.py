@@ -46,8 +46,9 @@ POSE_NODE = {
         'reset.'
     ),
     '~/camera_info_division': (
-        'The same camera in its own model: `distortion_model` is `division`, D is [k] or [k, k2, '
-        'k3]. K is 0 if the camera in use has another model.'
+        'The same camera in its own model: `distortion_model` is `division`, K holds fx, fy and '
+        'the centre, D is [k], [k, k2, k3] or [k, k2, k3, k4, p1, p2], the shortest that holds '
+        'all. K is 0 if the camera in use has another model.'
     ),
     '~/markers': (
         "The board's outline (amber if the pose is not determined), axes, points coloured by "

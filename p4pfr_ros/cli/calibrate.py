@@ -11,11 +11,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 import json
+import math
 from pathlib import Path
 import sys
 from typing import Any
 
-from p4pfr_ros import CalibrationState, CameraEstimate, EstimateOptions, Verdict
+from p4pfr_ros import BoardShape, CalibrationState, CameraEstimate, EstimateOptions, Verdict
 from p4pfr_ros.cli.arguments import (
     add_estimate_option,
     add_estimate_switch,
@@ -31,7 +32,7 @@ from p4pfr_ros.files.pixel_formats import Unreadable
 from p4pfr_ros.files.writing import check_writable
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.report.calibration_run import CalibrationRun, NamedImage, RejectedImage, ViewRecord
-from p4pfr_ros.report.number_format import plus_minus
+from p4pfr_ros.report.number_format import plus_minus, shape_text
 
 _EPILOG = """\
 Images are processed in the given order, like those of a running camera, and
@@ -45,8 +46,12 @@ is 1. --force writes an uncalibrated camera as well. The report of --plot is
 written in either case.
 
 With --json, each line is a JSON object for one image, and the last line holds
-the camera, or null if there is none. Lengths are in pixels; sigma holds
-standard deviations, null for parameters that were held fixed.
+the camera, or null if there is none. Lengths are in pixels unless they have
+another unit; sigma holds standard deviations, null for parameters that were
+held fixed. projection_sigma_px is the largest standard deviation of a
+projection where points were seen; scatter is 1 where lens and boards explain
+all; boards holds the shape of each board; missing lists what would calibrate
+the camera.
 """
 _HEADINGS = ('', 'image', 'points', 'inliers', 'rms, px', 'f, px', 'verdict')
 _UNKNOWN = '?'
@@ -205,9 +210,10 @@ def _write(
         write_report(arguments.plot, calibration_run.calibration, calibration_run.records)
     state = calibration_run.calibration.state
     if state is not CalibrationState.CALIBRATED and not arguments.force:
+        missing = '; '.join(calibration_run.calibration.missing)
         print(
-            f'p4pfr: {arguments.output}: not written: {state.value} '
-            '(add views: tilted, and covering the image corners; or use --force)',
+            f'p4pfr: {arguments.output}: not written: {state.value}. Missing: {missing} '
+            '(--force writes it nevertheless)',
             file=sys.stderr,
         )
         return 1
@@ -249,30 +255,52 @@ def _print_calibration_json(
             'image_size': list(calibration.image_size),
             **_camera_as_json(calibration_run.fused),
             'coverage': calibration_run.coverage,
+            'missing': list(calibration_run.calibration.missing),
             'camera_info': {
                 'distortion_model': model.distortion_model,
                 'd': list(model.coefficients),
                 'focal_px': list(model.focal_px),
                 'center_px': list(model.center_px),
                 'residual_px': model.residual_px,
+                'residual_outside_px': model.residual_outside_px,
             },
         }
     print(json.dumps(line, allow_nan=False), flush=True)
 
 
 def _camera_as_json(estimate: CameraEstimate) -> dict[str, Any]:
-    camera = estimate.camera
+    camera, projection_px = estimate.camera, estimate.projection_sigma_px
+    p1_sigma, p2_sigma = estimate.decentring_sigma
     return {
         'focal_px': camera.focal_px,
         'center_px': list(camera.center_px),
-        'k': [camera.k, camera.k2, camera.k3],
+        'k': list(camera.terms[: camera.order]),
+        'aspect': camera.aspect,
+        'p1': camera.p1,
+        'p2': camera.p2,
         'sigma': {
             'focal_px': _or_null(estimate.focal_sigma_px),
             'center_px': [_or_null(sigma) for sigma in estimate.center_sigma_px.tolist()],
-            'k': [_or_null(sigma) for sigma in estimate.terms_sigma],
+            'k': [_or_null(sigma) for sigma in estimate.terms_sigma[: camera.order]],
+            'aspect': _or_null(estimate.aspect_sigma),
+            'p1': _or_null(p1_sigma),
+            'p2': _or_null(p2_sigma),
         },
         'rms_px': estimate.rms_px,
         'views': estimate.views,
+        'scatter': estimate.scatter,
+        'projection_sigma_px': None if math.isnan(projection_px) else projection_px,
+        'boards': {name: _shape_as_json(s) for name, s in estimate.board_shapes.items()},
+    }
+
+
+def _shape_as_json(shape: BoardShape) -> dict[str, float]:
+    return {
+        'bow_m': shape.bow,
+        'bow_sigma_m': shape.bow_sigma,
+        'stretch': shape.stretch,
+        'stretch_sigma': shape.stretch_sigma,
+        'skew_rad': shape.skew,
     }
 
 
@@ -317,24 +345,46 @@ def print_rejected(rejected: Sequence[RejectedImage], bag: str | None) -> None:
 
 
 def _print_summary(calibration_run: CalibrationRun, calibration: Calibration | None) -> None:
-    """Print the camera with its standard deviations, and the fitted CameraInfo model."""
+    """Print the camera with its standard deviations, the fitted CameraInfo, and the boards."""
     if calibration is None or calibration_run.calibration is None or calibration_run.fused is None:
         return
     fused, model = calibration_run.fused, calibration.model
     x, y = map(plus_minus, fused.camera.center_px, fused.center_sigma_px)
     width, height = calibration.image_size
     print(calibration_run.calibration.state.value)
-    print(f'  views        {fused.views} of {width}x{height} px, rms {fused.rms_px:.3f} px')
+    print(
+        f'  views        {fused.views} of {width}x{height} px, rms {fused.rms_px:.3f} px, '
+        f'scatter {fused.scatter:.2f}'
+    )
     print(f'  focal length {plus_minus(fused.camera.focal_px, fused.focal_sigma_px)} px')
     print(f'  centre       {x}, {y} px')
-    ks = (fused.camera.k, fused.camera.k2, fused.camera.k3)
-    for name, k, sigma in zip(('k', 'k2', 'k3'), ks, fused.terms_sigma, strict=True):
-        if name == 'k' or k != 0.0:
-            print(f'  {name:<12} {plus_minus(k, sigma)}')
+    for name, value, sigma in _terms(fused):
+        print(f'  {name:<12} {plus_minus(value, sigma)}')
     print(f'  coverage     {100.0 * calibration_run.coverage:.0f} % of the image')
+    if not math.isnan(fused.projection_sigma_px):
+        print(f'  projection   {fused.projection_sigma_px:.2g} px at most where seen')
     print(
-        f'  CameraInfo   {model.distortion_model}, within {model.residual_px:.2g} px of the above'
+        f'  CameraInfo   {model.distortion_model}, within {model.residual_px:.2g} px of the above '
+        f'where seen, {model.residual_outside_px:.2g} px outside'
     )
+    for name, shape in fused.board_shapes.items():
+        print(f'  board        {name}: {shape_text(shape)}')
+    for advice in calibration_run.calibration.missing:
+        print(f'  missing      {advice}')
+
+
+def _terms(estimate: CameraEstimate) -> Iterator[tuple[str, float, float]]:
+    """List the terms of the lens with their standard deviations: k, and those that are in use."""
+    camera = estimate.camera
+    names = ('k', 'k2', 'k3', 'k4')
+    for name, k, sigma in zip(names, camera.terms, estimate.terms_sigma, strict=True):
+        if name == 'k' or k != 0.0:
+            yield name, k, sigma
+    if camera.aspect != 1.0:
+        yield 'fy/fx', camera.aspect, estimate.aspect_sigma
+    if camera.is_decentred:
+        for i, name in enumerate(('p1', 'p2')):
+            yield name, getattr(camera, name), estimate.decentring_sigma[i]
 
 
 def _word(verdict: Verdict) -> str:

@@ -15,6 +15,9 @@ import sys
 from typing import Any
 
 from p4pfr_ros import (
+    BoardShape,
+    CameraInfoModel,
+    DivisionCamera,
     estimate_pose,
     EstimateOptions,
     Observability,
@@ -23,6 +26,7 @@ from p4pfr_ros import (
     Status,
 )
 from p4pfr_ros.boards import Board
+from p4pfr_ros.boards.shape_in_use import shape_in_use
 from p4pfr_ros.boards.symmetry import with_turned_poses
 from p4pfr_ros.cli.arguments import (
     add_estimate_option,
@@ -35,8 +39,10 @@ from p4pfr_ros.cli.arguments import (
 )
 from p4pfr_ros.cli.terminal import print_table, with_progress
 from p4pfr_ros.core.cameras.camera_info import MAX_NUMBER
+from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
 from p4pfr_ros.files.boards import load_board
+from p4pfr_ros.files.calibration import Calibration, load_calibration
 from p4pfr_ros.files.images import image_or_reason, write_image
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.report.drawing import annotate
@@ -53,7 +59,9 @@ length that are from the unknown principal point (center), the unknown terms
 of the lens (lens), and pixels and board that may deviate (others). If several
 solutions fit the view equally well, candidates lists them all, the most
 likely first; so too for a board that looks the same after a turn. status
-names how the estimation ended.
+names how the estimation ended. uses_board_shape is true if the calibration of
+--camera has the shape of the board, by its name: the points are then where
+they are on the real board.
 An image without an estimate has the keys image and reason and, if the board
 was detected, status.
 """
@@ -86,12 +94,46 @@ class FailedImage:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageEstimate:
-    """An image (width and height in pixels) and its estimate; model is the estimate's."""
+    """
+    An image (width and height in pixels) and its estimate; model is the estimate's.
+
+    camera_is_given: by --camera; has_board_shape: so is the shape of the board.
+    """
 
     path: Path
     image_size: tuple[int, int]
     model: Solution
     estimate: PoseEstimate
+    camera_is_given: bool
+    has_board_shape: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Given:
+    """What is given for all images; calibration: of the camera, if it is known."""
+
+    board: Board
+    options: EstimateOptions
+    center_px: tuple[float, float] | None
+    calibration: Calibration | None
+
+    def wrong_size(self, width: int, height: int) -> str:
+        """Return why the calibration is not that of an image of this size; '' if it is."""
+        if self.calibration is None or self.calibration.image_size == (width, height):
+            return ''
+        expected = '{}x{}'.format(*self.calibration.image_size)
+        return f'expected {expected} px as calibrated, got {width}x{height}'
+
+    def camera_and_shape(
+        self, board_points: Array
+    ) -> tuple[DivisionCamera | CameraInfoModel | None, BoardShape | None]:
+        """Return the known camera, and the shape of the board from its calibration."""
+        if self.calibration is None:
+            return None, None
+        known = self.calibration.estimate
+        if known is None:
+            return self.calibration.model, None
+        return known.camera, shape_in_use(known, self.board.name, board_points)
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -103,12 +145,19 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, usage_error=parser.error)
     add = parser.add_argument
     add('images', nargs='+', type=Path, metavar='IMAGE', help='image, or directory of images')
     add('--board', required=True, metavar='FILE', help='board file (YAML)')
     add('--draw', type=Path, metavar='DIR', help='write images with corners and pose to DIR')
     add('--json', action='store_true', help='print JSON lines instead of a table')
+    add(
+        '--camera',
+        type=Path,
+        metavar='FILE',
+        help='calibration file (YAML) of the camera, and of the shape of the board: only the '
+        'pose is estimated (default: an unknown camera)',
+    )
     add(
         '--center',
         nargs=2,
@@ -142,16 +191,21 @@ def run(arguments: argparse.Namespace) -> int:
     """Process the images; return 1 if any has no estimate."""
     if not arguments.json:
         require('rich')
-    options = _options(arguments)
-    board = load_board(arguments.board)
-    center_px = tuple(arguments.center) if arguments.center else None
+    if arguments.camera and (arguments.center or arguments.prior_focal or arguments.prior_k):
+        arguments.usage_error('--camera excludes --center, --prior-focal and --prior-k')
+    given = Given(
+        load_board(arguments.board),
+        _options(arguments),
+        tuple(arguments.center) if arguments.center else None,
+        load_calibration(arguments.camera) if arguments.camera else None,
+    )
     paths = find_images(arguments.images)
     if arguments.draw:
         _prepare_drawing(arguments.draw, paths)
     estimates: list[ImageEstimate] = []
     failures: list[FailedImage] = []
     for path in with_progress(paths, len(paths), prints=arguments.json):
-        result = _estimate(path, board, center_px, options, arguments.draw)
+        result = _estimate(path, given, arguments.draw)
         if arguments.json:
             _print_json(result)
         if isinstance(result, ImageEstimate):
@@ -205,13 +259,7 @@ def _prepare_drawing(folder: Path, images: Iterable[Path]) -> None:
         raise ConfigError(f'--draw {folder}: {error.strerror}') from None
 
 
-def _estimate(
-    path: Path,
-    board: Board,
-    center_px: tuple[float, float] | None,
-    options: EstimateOptions,
-    draw_folder: Path | None,
-) -> ImageEstimate | FailedImage:
+def _estimate(path: Path, given: Given, draw_folder: Path | None) -> ImageEstimate | FailedImage:
     """
     Read an image, detect the board and estimate its pose; draw the result if requested.
 
@@ -224,16 +272,23 @@ def _estimate(
     image = image_or_reason(path)
     if isinstance(image, str):
         return FailedImage(path, image)
+    height, width = image.shape[:2]
+    wrong_size = given.wrong_size(width, height)
+    if wrong_size:
+        return FailedImage(path, wrong_size)
+    board = given.board
     detection = detect(image, board)
     if detection.reason:
         return FailedImage(path, detection.reason)
-    height, width = image.shape[:2]
+    camera, shape = given.camera_and_shape(detection.board_points)
     estimate = estimate_pose(
         detection.image_points,
         detection.board_points,
         image_size=(width, height),
-        center_px=center_px,
-        options=options,
+        center_px=given.center_px,
+        camera=camera,
+        board_shape=shape,
+        options=given.options,
     )
     estimate, _ = with_turned_poses(estimate, board.turns)
     if estimate.model is None:
@@ -241,7 +296,14 @@ def _estimate(
     if draw_folder:
         drawing = annotate(image, detection, estimate.model, board)
         write_image(draw_folder / f'{path.stem}_pose.png', drawing)
-    return ImageEstimate(path, (width, height), estimate.model, estimate)
+    return ImageEstimate(
+        path,
+        (width, height),
+        estimate.model,
+        estimate,
+        camera_is_given=camera is not None,
+        has_board_shape=shape is not None,
+    )
 
 
 def _print_json(result: ImageEstimate | FailedImage) -> None:
@@ -258,6 +320,7 @@ def _print_json(result: ImageEstimate | FailedImage) -> None:
 def _as_json(result: ImageEstimate) -> dict[str, Any]:
     estimate = result.estimate
     observable, limits = estimate.observable, estimate.focal_limits
+    is_free = not result.camera_is_given
     return {
         'image': str(result.path),
         'image_size': list(result.image_size),
@@ -265,13 +328,14 @@ def _as_json(result: ImageEstimate) -> dict[str, Any]:
         **_solution_as_json(result.model, observable),
         'sigma': {
             'distance_m': estimate.distance_sigma if observable.distance else None,
-            'focal_px': estimate.focal_sigma_px if observable.focal else None,
-            'k': estimate.k_sigma if observable.distortion else None,
+            'focal_px': estimate.focal_sigma_px if observable.focal and is_free else None,
+            'k': estimate.k_sigma if observable.distortion and is_free else None,
         },
         'focal_limits': None if limits is None else asdict(limits),
         'rms_px': estimate.rms_px,
         'points': len(estimate.inliers),
         'inliers': int(estimate.inliers.sum()),
+        'uses_board_shape': result.has_board_shape,
         'not_observable': list(observable.undetermined),
         'candidates': [_solution_as_json(candidate, _ALL) for candidate in _candidates(result)],
     }
@@ -313,9 +377,13 @@ def _cells(result: ImageEstimate) -> Iterator[str]:
     yield _joined(pose.quaternion_xyzw(), 3) if observable.direction else _UNKNOWN
     yield f'{pose.tilt_deg:.1f}' if observable.direction else _UNKNOWN
     yield f'{pose.distance:.3f}' if observable.distance else _UNKNOWN
-    f_sigma, k_sigma = estimate.focal_sigma_px, estimate.k_sigma
-    yield f'{camera.focal_px:.1f} ± {f_sigma:.1f}' if observable.focal else _UNKNOWN
-    yield f'{camera.k:.3f} ± {k_sigma:.3f}' if observable.distortion else _UNKNOWN
+    if result.camera_is_given:
+        yield f'{camera.focal_px:.1f} (given)'
+        yield f'{camera.k:.3f} (given)'
+    else:
+        f_sigma, k_sigma = estimate.focal_sigma_px, estimate.k_sigma
+        yield f'{camera.focal_px:.1f} ± {f_sigma:.1f}' if observable.focal else _UNKNOWN
+        yield f'{camera.k:.3f} ± {k_sigma:.3f}' if observable.distortion else _UNKNOWN
     yield f'{estimate.rms_px:.2f}'
     yield f'{estimate.inliers.sum()}/{len(estimate.inliers)}'
 

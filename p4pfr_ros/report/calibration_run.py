@@ -115,7 +115,9 @@ class CalibrationRun:
         if self.calibration.image_size != (width, height):
             expected = '{}x{}'.format(*self.calibration.image_size)
             return f'expected {expected} px like the previous images, got {width}x{height}'
-        estimate = self.calibration.update(detection.image_points, detection.board_points, number)
+        estimate = self.calibration.update(
+            detection.image_points, detection.board_points, number, board=self._board.name
+        )
         if estimate.model is None:
             return estimate.status.value
         return ViewRecord(

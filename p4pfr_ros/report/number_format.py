@@ -1,13 +1,18 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Formats numbers with their standard deviations."""
+"""Formats numbers with their standard deviations, and the shapes of boards."""
 
 from __future__ import annotations
 
 import math
 
+from p4pfr_ros.core.model.board_shape import BoardShape, SKEW
+
 _MAX_DIGITS = 9
+
+# A deviation of a board is reported from this many standard deviations on.
+_SIGNIFICANT = 3.0
 
 
 def plus_minus(value: float, sigma: float) -> str:
@@ -20,3 +25,23 @@ def plus_minus(value: float, sigma: float) -> str:
         return f'{value:g} (held)'
     digits = min(max(0, 1 - math.floor(math.log10(sigma))), _MAX_DIGITS)
     return f'{value:.{digits}f} ± {sigma:.{digits}f}'
+
+
+def shape_text(shape: BoardShape) -> str:
+    """
+    Describe the shape of a board, in metres, in words: what is significant of it.
+
+    For example 'bowed by 1.52 ± 0.11 mm, stretched by 0.100 ± 0.012 %' or 'flat within 0.2 mm'.
+    """
+    bow_mm, bow_sigma_mm = 1e3 * shape.bow, 1e3 * shape.bow_sigma
+    parts = [f'flat within {bow_mm + 2.0 * bow_sigma_mm:.2g} mm']
+    if bow_mm > _SIGNIFICANT * bow_sigma_mm:
+        parts = [f'bowed by {plus_minus(bow_mm, bow_sigma_mm)} mm']
+    stretch, stretch_sigma = 100.0 * shape.stretch, 100.0 * shape.stretch_sigma
+    if abs(stretch) > _SIGNIFICANT * stretch_sigma:
+        parts.append(f'stretched by {plus_minus(stretch, stretch_sigma)} %')
+    skew = math.degrees(shape.skew)
+    skew_sigma = math.degrees(2.0 * math.sqrt(max(float(shape.covariance[SKEW, SKEW]), 0.0)))
+    if abs(skew) > _SIGNIFICANT * skew_sigma:
+        parts.append(f'skewed by {plus_minus(skew, skew_sigma)} degrees')
+    return ', '.join(parts)

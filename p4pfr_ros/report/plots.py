@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The report of a calibration: coverage, residuals and convergence.
+The report of a calibration: coverage, residuals, uncertainty, boards and convergence.
 
 The module stands alone because it needs matplotlib, an optional dependency.
 """
@@ -23,6 +23,7 @@ from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.report.calibration_run import COLUMNS, count_per_cell, ROWS, ViewRecord
 from p4pfr_ros.report.figure_style import BLUE, GREY, ORANGE, STYLE
 from p4pfr_ros.report.number_format import plus_minus
+from p4pfr_ros.report.shape_plots import draw_uncertainty_and_boards
 
 _SUFFIXES = ('.pdf', '.png', '.svg')
 # The 99th percentile of the residuals is drawn with this share of the image width.
@@ -61,7 +62,7 @@ def write_report(path: Path, calibration: SelfCalibration, records: Sequence[Vie
     """
     check_suffix(path)
     with mpl.rc_context(STYLE):
-        figure = draw_report(calibration.views, calibration.image_size, records)
+        figure = draw_report(calibration.views, calibration.image_size, records, calibration.fused)
         try:
             figure.savefig(path, dpi=120)
         except OSError as error:
@@ -69,16 +70,27 @@ def write_report(path: Path, calibration: SelfCalibration, records: Sequence[Vie
 
 
 def draw_report(
-    views: Sequence[Keyframe], image_size: tuple[int, int], records: Sequence[ViewRecord]
+    views: Sequence[Keyframe],
+    image_size: tuple[int, int],
+    records: Sequence[ViewRecord],
+    estimate: CameraEstimate | None = None,
 ) -> Figure:
-    """Draw points and residuals of the keyframes, and the camera's history over all records."""
-    figure = Figure(figsize=(12.0, 8.0), layout='constrained')
-    parts: Any = figure.subfigures(2, 1, height_ratios=(1.45, 1.0))
-    upper, lower = parts
-    coverage, residuals = upper.subplots(1, 2)
+    """
+    Draw the keyframes, the estimate, and the camera's history over all records.
+
+    Of the keyframes points and residuals; of the estimate, if there is one, the uncertainty over
+    the image and the shapes of the boards.
+    """
+    height = 8.0 if estimate is None else 12.6
+    figure = Figure(figsize=(12.0, height), layout='constrained')
+    ratios = (1.45, 1.0) if estimate is None else (1.45, 1.45, 1.0)
+    parts: Any = figure.subfigures(len(ratios), 1, height_ratios=ratios)
+    coverage, residuals = parts[0].subplots(1, 2)
     _draw_coverage(coverage, views, image_size)
     _draw_residuals(residuals, views, image_size)
-    draw_history(lower, records)
+    if estimate is not None:
+        draw_uncertainty_and_boards(parts[1], estimate, image_size, views)
+    draw_history(parts[-1], records)
     return figure
 
 

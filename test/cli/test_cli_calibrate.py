@@ -9,7 +9,7 @@ import numpy as np
 from p4pfr_ros.cli import main
 from p4pfr_ros.files.calibration import load_calibration
 from p4pfr_ros.files.images import read_image
-from p4pfr_ros.report.number_format import plus_minus
+from p4pfr_ros.report.number_format import plus_minus, shape_text
 import pytest
 from rendered import CHESSBOARD, FOCAL_PX, K, write_empty, write_scene, write_views
 
@@ -61,6 +61,10 @@ def test_folder_of_views_gives_the_true_camera(views, output, capsys):
     assert f'focal length {focal} px' in out
     assert f'centre       {x}, {y} px' in out
     assert f'CameraInfo   {calibration.model.distortion_model}, ' in out
+    assert f'projection   {estimate.projection_sigma_px:.2g} px at most where seen' in out
+    assert f'board        board: {shape_text(estimate.board_shape("board"))}' in out
+    assert 'flat within' in out
+    assert 'missing' not in out
     assert out.endswith(f'{output}: written\n')
 
 
@@ -86,6 +90,13 @@ def test_json_has_each_image_and_the_camera(views, output, capsys):
     model = load_calibration(output).model
     assert calibration['camera_info']['d'] == pytest.approx(list(model.coefficients))
     assert calibration['camera_info']['residual_px'] < 0.1
+    assert calibration['camera_info']['residual_outside_px'] >= 0.0
+    assert (calibration['aspect'], calibration['p1'], calibration['p2']) == (1.0, 0.0, 0.0)
+    assert 0.0 < calibration['sigma']['aspect'] < 0.01
+    assert calibration['scatter'] >= 1.0
+    assert 0.0 < calibration['projection_sigma_px'] < 2.0
+    assert calibration['boards']['board']['bow_m'] < 5e-4
+    assert lines[1]['camera'] is None or calibration['missing'] == []
 
 
 def test_rejected_images_are_reported_and_do_not_affect_the_others(views, tmp_path, capsys):
@@ -111,8 +122,10 @@ def test_too_few_views_write_only_the_report(views, output, capsys):
     out, [line] = printed(capsys)
     assert 'focal length' in out
     assert line.startswith(f'p4pfr: {output}: not written: ')
+    assert '4 more different views' in line
+    assert 'missing      4 more different views' in out
     assert not output.exists()
-    assert read_image(report).shape == (960, 1440, 3)
+    assert read_image(report).shape == (1512, 1440, 3)
 
 
 def test_force_writes_an_uncalibrated_camera(views, output, capsys):

@@ -7,9 +7,19 @@ from dataclasses import replace
 import json
 
 import numpy as np
-from p4pfr_ros import detect, EstimateOptions, Pose
+from p4pfr_ros import (
+    BoardShape,
+    CameraEstimate,
+    detect,
+    DivisionCamera,
+    estimate_pose,
+    EstimateOptions,
+    Pose,
+)
 from p4pfr_ros.cli import main
 from p4pfr_ros.core.geometry import rotation_angle_rad
+from p4pfr_ros.files.boards import load_board
+from p4pfr_ros.files.calibration import Calibration, save_calibration
 from p4pfr_ros.files.images import read_image
 import pytest
 from rendered import (
@@ -74,6 +84,40 @@ def test_what_limits_the_focal_length_is_said(scenes, capsys):
     assert set(limits) == {'center', 'lens', 'others'}
     assert max(limits.values()) >= 0.3
     assert sum(limits.values()) <= 1.0
+
+
+def test_a_given_camera_and_the_shape_of_its_board_are_used(scenes, tmp_path, capsys):
+    """The pose is that of estimate_pose with both; by the board's name."""
+    camera = DivisionCamera(FOCAL_PX, (319.5, 239.5), K)
+    shape = BoardShape(
+        np.zeros(2), np.array([0.1, 0.0625]), [0, 0, 0.01, 0, 0, 0, 0, 0], 1e-10 * np.eye(8)
+    )
+    covariance = np.diag([0.1, 0.1, 0.1, 1e-6, 0, 0, 0, 0, 0, 0])
+    points = detect(read_image(scenes / 'a.png'), load_board(CHESSBOARD))
+    for name, used in (('board', shape), ('another', None)):
+        estimated = CameraEstimate(camera, covariance, 0.2, 9, board_shapes={name: shape})
+        calibration = Calibration.from_estimate(estimated, (640, 480), 'left')
+        save_calibration(tmp_path / 'camera.yaml', calibration)
+        given = ('--camera', tmp_path / 'camera.yaml')
+        assert estimate(scenes / 'a.png', '--json', *given) == 0
+        line = json.loads(capsys.readouterr().out)
+        expected = estimate_pose(
+            points.image_points,
+            points.board_points,
+            image_size=(640, 480),
+            camera=camera,
+            board_shape=used,
+        ).model.camera_from_board
+        assert line['position_m'] == pytest.approx(expected.translation.tolist(), abs=1e-12)
+        assert (line['focal_px'], line['sigma']['focal_px']) == (FOCAL_PX, None)
+        assert line['uses_board_shape'] is (used is not None)
+    assert estimate(scenes / 'a.png', *given) == 0
+    assert f'{FOCAL_PX:.1f} (given)' in capsys.readouterr().out
+    assert estimate(scenes / 'b[red].png', *given) == 1
+    assert 'expected 640x480 px as calibrated, got 800x600' in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        estimate(scenes / 'a.png', *given, '--center', 319.5, 239.5)
+    assert '--camera excludes --center' in capsys.readouterr().err
 
 
 def test_table_has_a_row_for_each_image(scenes, capsys):

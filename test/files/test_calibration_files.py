@@ -10,7 +10,7 @@ import sys
 import time
 
 import numpy as np
-from p4pfr_ros import DivisionCamera
+from p4pfr_ros import BoardShape, DivisionCamera
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.many_views.results import CameraEstimate
 from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
@@ -20,11 +20,49 @@ import pytest
 import yaml
 
 SIZE = (1280, 960)
-FACTOR = np.random.default_rng(2).normal(size=(6, 6)) * [[1], [0.5], [0.5], [1e-3], [1e-4], [0]]
+RNG = np.random.default_rng(2)
+SIGMAS = [1.0, 0.5, 0.5, 1e-3, 1e-4, 0.0, 1e-5, 1e-3, 1e-4, 1e-4]
+FACTOR = np.array(SIGMAS)[:, None] * RNG.normal(size=(10, 10))
+SHAPE_FACTOR = 1e-4 * RNG.normal(size=(8, 8))
+SHAPES = {
+    name: BoardShape(
+        np.array([0.0, 0.01]), np.array([0.1, side]), RNG.normal(0.0, 1e-3, 8), covariance
+    )
+    for name, side, covariance in (
+        ('wall', 0.07, SHAPE_FACTOR @ SHAPE_FACTOR.T),
+        ('', 0.0, np.zeros((8, 8))),
+        ('7', 0.02, 1e-8 * np.eye(8)),
+    )
+}
 ESTIMATE = CameraEstimate(
-    DivisionCamera(612.34567890123, (641.25, 478.5), -0.25, 1e-7), FACTOR @ FACTOR.T, 0.21, 17
+    DivisionCamera(612.34567890123, (641.25, 478.5), -0.25, 1e-7, 0.0, 1e-9, 1.01, 1e-3, -2e-4),
+    FACTOR @ FACTOR.T,
+    0.21,
+    17,
+    scatter=1.75,
+    projection_sigma_px=0.123,
+    seen_radius_px=512.5,
+    board_shapes=SHAPES,
+    coverage=RNG.random((12, 16)) < 0.5,
 )
 CALIBRATION = Calibration.from_estimate(ESTIMATE, SIZE, 'front_left')
+# Of version 0.1.0.
+OLD_DIVISION = """\
+division:
+  focal_px: 533.0
+  center_px: [342.0, 234.0]
+  k: -0.25
+  k2: 0.01
+  k3: 0.0
+  covariance:
+    rows: 6
+    cols: 6
+    data: [4, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0,
+           0, 0, 0, 1e-4, 0, 0, 0, 0, 0, 0, 1e-6, 0, 0, 0, 0, 0, 0, 0]
+  rms_px: 0.2
+  views: 13
+  residual_px: 0.01
+"""
 # In the form of camera_calibration, with small numbers in the form of yaml-cpp.
 ROS_FILE = """\
 image_width: 640
@@ -61,10 +99,49 @@ def test_a_calibration_round_trips(path):
     loaded = load_calibration(path)
     assert (loaded.image_size, loaded.camera_name) == (SIZE, 'front_left')
     assert loaded.model == CALIBRATION.model
-    assert loaded.model.residual_px > 0.0
-    assert loaded.estimate.camera == ESTIMATE.camera
-    np.testing.assert_array_equal(loaded.estimate.covariance, ESTIMATE.covariance)
-    assert (loaded.estimate.rms_px, loaded.estimate.views) == (0.21, 17)
+    assert loaded.model.residual_outside_px > loaded.model.residual_px > 0.0
+    assert loaded.estimate == ESTIMATE
+    assert list(loaded.estimate.board_shapes) == list(SHAPES)
+
+
+def test_what_is_not_known_is_not_in_the_file(path):
+    """No NaN, which is no number in YAML files of other programs."""
+    estimate = CameraEstimate(ESTIMATE.camera, ESTIMATE.covariance, 0.21, 17)
+    save_calibration(path, Calibration.from_estimate(estimate, SIZE, 'left'))
+    assert load_calibration(path).estimate == estimate
+    assert 'nan' not in path.read_text()
+    keys = yaml.safe_load(path.read_text())['division'].keys()
+    assert not {'projection_sigma_px', 'seen_radius_px', 'coverage', 'boards'} & keys
+
+
+def test_the_coverage_is_a_picture(path):
+    """One line a row of the image."""
+    save_calibration(path, CALIBRATION)
+    lines = [line.strip(" -'") for line in path.read_text().splitlines()]
+    rows = [line for line in lines if set(line) <= {'.', '#'} and len(line) == 16]
+    assert [[mark == '#' for mark in row] for row in rows] == ESTIMATE.coverage.tolist()
+
+
+def test_a_file_of_the_first_version_is_loaded(path):
+    """Square pixels, no decentring, three terms, and a smaller covariance."""
+    path.write_text(ROS_FILE + OLD_DIVISION)
+    loaded = load_calibration(path)
+    variances = [4.0, 1.0, 1.0, 1e-4, 1e-6, 0.0, 0.0, 0.0, 0.0, 0.0]
+    camera = DivisionCamera(533.0, (342.0, 234.0), -0.25, 0.01)
+    assert loaded.estimate == CameraEstimate(camera, np.diag(variances), 0.2, 13)
+    assert (loaded.model.residual_px, loaded.model.residual_outside_px) == (0.01, 0.0)
+
+
+def test_the_model_is_fitted_where_the_lens_was_seen(path):
+    """The outermost rays of a wide lens are not worth the others."""
+    camera = DivisionCamera(300.0, (639.5, 479.5), -0.3, -0.02, -0.002)
+    residuals = [
+        Calibration.from_estimate(
+            CameraEstimate(camera, FACTOR @ FACTOR.T, 0.2, 9, seen_radius_px=radius_px), SIZE, 'x'
+        ).model.residual_px
+        for radius_px in (300.0, None)
+    ]
+    assert residuals[0] < 0.5 * residuals[1]
 
 
 @pytest.mark.parametrize(
@@ -94,8 +171,7 @@ def test_the_file_has_the_keys_that_ros_reads(path):
     assert (tree['image_width'], tree['image_height']) == SIZE
     assert tree['camera_name'] == 'front_left'
     assert tree['distortion_model'] == 'rational_polynomial'
-    f, (x, y) = ESTIMATE.camera.focal_px, ESTIMATE.camera.center_px
-    np.testing.assert_array_equal(matrices['camera_matrix'], [[f, 0, x], [0, f, y], [0, 0, 1]])
+    np.testing.assert_array_equal(matrices['camera_matrix'], ESTIMATE.camera.matrix)
     np.testing.assert_array_equal(matrices['projection_matrix'][:, :3], matrices['camera_matrix'])
     np.testing.assert_array_equal(matrices['projection_matrix'][:, 3], 0.0)
     np.testing.assert_array_equal(matrices['rectification_matrix'], np.eye(3))
@@ -181,7 +257,46 @@ def test_a_wrong_file_is_reported_with_the_key(path, change, message):
         ),
         (('k2: 1.0e-07', 'k2: yes'), r'division\.k2: expected a finite number, got True'),
         (('k2: 1.0e-07', ''), r'division\.k2: expected a finite number, got none'),
-        (('cols: 6', 'cols: 5'), r'division\.covariance\.cols: expected 6, got 5'),
+        (('k4: 1.0e-09', ''), r'division\.k4: expected a finite number, got none'),
+        (
+            ('aspect: 1.01', 'aspect: 0.0'),
+            r'division\.aspect: expected a focal length from 0\.001 .*, got 0',
+        ),
+        (('p2: -0.0002', 'p2: .nan'), r'division\.p2: expected a finite number, got nan'),
+        (('cols: 10', 'cols: 5'), r'division\.covariance\.cols: expected 10, got 5'),
+        (('rows: 10', 'rows: 7'), r'division\.covariance\.rows: expected 10, got 7'),
+        (('scatter: 1.75', ''), r'division\.scatter: expected a finite number, got none'),
+        (('scatter: 1.75', 'scatter: 0.5'), r'division\.scatter must be finite and ≥ 1, got 0\.5'),
+        (
+            ('projection_sigma_px: 0.123', 'projection_sigma_px: .nan'),
+            r'division\.projection_sigma_px: expected a finite number ≥ 0, got nan',
+        ),
+        (
+            ('seen_radius_px: 512.5', 'seen_radius_px: 0'),
+            r'division\.seen_radius_px must be finite and > 0, got 0',
+        ),
+        (
+            ('coverage:\n  - ', "coverage:\n  - '#'\n  - "),
+            r'division\.coverage: expected 12 rows of 16 characters \. or #, got',
+        ),
+        (('boards:\n', 'boards: 7\n  other:\n'), r'division\.boards: expected keys and values'),
+        (('    wall:', '    1:'), r'division\.boards: expected names of boards, got 1'),
+        (
+            ('center_m: [0.0, 0.01]', 'center_m: [0.0]'),
+            r'division\.boards\.wall\.center_m: expected a list of 2 finite numbers',
+        ),
+        (
+            ('half_extent_m: [0.1, 0.07]', 'half_extent_m: [0.1, -1]'),
+            r'division\.boards\.wall\.half_extent_m: expected lengths from 0 to 10000 m',
+        ),
+        (
+            ('numbers: [', 'numbers: [7.0, '),
+            r'division\.boards\.wall\.numbers: expected a list of 8 finite numbers',
+        ),
+        (
+            ('cols: 8\n        data: [', 'cols: 8\n        data: [-'),
+            r'.*covariance: expected a sym',
+        ),
         (
             ('residual_px: ', 'residual_px: -'),
             r'division\.residual_px: expected a finite number ≥',

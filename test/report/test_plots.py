@@ -145,16 +145,17 @@ def test_scale_bar_has_the_scale_of_the_arrows(views):
 
 
 def test_residuals_point_from_the_corner_to_the_reprojection(run):
-    view, camera = run.keyframes[0], run.fused.camera
-    points = np.pad(view.board_points, ((0, 0), (0, 1)))
-    reprojected = camera.project(view.camera_from_board.transform(points))
+    """From where the point is on the real board."""
+    view, fused = run.keyframes[0], run.fused
+    points = fused.board_shape(view.board).points(view.board_points)
+    reprojected = fused.camera.project(view.camera_from_board.transform(points))
     np.testing.assert_allclose(reprojected - view.image_points, view.residuals_px, atol=1e-6)
 
 
 def test_report_is_written_in_the_format_of_the_file_extension(run, tmp_path):
     drawn = run.calibration, run.records
     write_report(tmp_path / 'report.png', *drawn)
-    assert read_image(tmp_path / 'report.png').shape == (960, 1440, 3)
+    assert read_image(tmp_path / 'report.png').shape == (1512, 1440, 3)
     write_report(tmp_path / 'report.svg', *drawn)
     assert ET.parse(tmp_path / 'report.svg').getroot().tag.endswith('svg')
     with pytest.raises(ConfigError, match=r'report\.jpg: expected a file name ending in'):

@@ -5,7 +5,7 @@
 
 from typing import NamedTuple
 
-from p4pfr_ros import DivisionCamera, PoseEstimate
+from p4pfr_ros import CameraEstimate, DivisionCamera, PoseEstimate
 from p4pfr_ros.ros.parameters.declare import replaced
 from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
 from p4pfr_ros.ros.pose.camera_check import CameraCheck
@@ -39,7 +39,7 @@ SELF_CALIBRATE, FREEZE = options('self_calibrate'), options('fixed')
 
 
 class Processed(NamedTuple):
-    """The estimate of a view, the camera to publish, and the notice about a change."""
+    """The estimate of a view, the camera to publish without its estimate, and a notice."""
 
     estimate: PoseEstimate
     camera: DivisionCamera | None
@@ -65,6 +65,8 @@ class Modes:
         estimate = estimate_with(camera, observation, settings, self._check, on_pose)
         mode = settings.intrinsics.mode
         in_use = camera_to_publish(camera, estimate, mode)
+        if isinstance(in_use, CameraEstimate):
+            in_use = in_use.camera
         notice = self.calibrations.finish_view() if mode == 'self_calibrate' else None
         return Processed(estimate, in_use, notice)
 

@@ -50,11 +50,11 @@ class MovingView:
         return float(np.linalg.norm(error))
 
 
-def observation(image_points, image_size, second):
+def observation(image_points, image_size, second, target=MARKER):
     """Make an observation of the board in an image of any size."""
     points = Correspondences(image_points, BOARD.points, np.arange(len(BOARD.points)))
     header = scenes.header(second)
-    return BoardObservation(header, ImageFrame(image_size), MARKER, points, image_points)
+    return BoardObservation(header, ImageFrame(image_size), target, points, image_points)
 
 
 def views(first, last, camera=CAMERA):

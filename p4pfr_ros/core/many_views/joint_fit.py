@@ -37,9 +37,9 @@ from ..model.uncertainty import DEFAULT_SIGMA_PX, noise_variance, posterior_vari
 _GATE_SIGMAS = 6.0
 _SMALLEST_GATE_PX = 0.1
 
-# Additional degrees of freedom, with the scatter of real boards: few views do not measure it.
-_SCATTER_FREEDOM = 10.0
-_USUAL_SCATTER = 5.0
+# Degrees of freedom and scatter that are added to those measured: few views do not measure it.
+_USUAL_SCATTER = 10.0, 5.0  # of real boards
+_NO_SCATTER = 4.0, 1.0
 
 # The median of the squared length of a normal error is 2 ln 2 variances of a coordinate.
 _MEDIAN_SQUARE = 2.0 * math.log(2.0)
@@ -359,6 +359,7 @@ def _scatter(fit: JointFit) -> float:
         fit.prior[at],
         total,
         fit.variance,
+        _USUAL_SCATTER,
     )
 
 
@@ -372,13 +373,19 @@ def _median_variance(squares: Array, unknowns: int) -> float:
 
 
 def scatter_of(
-    information: Array, gradients: Array, prior: Array, total: Array, variance: float
+    information: Array,
+    gradients: Array,
+    prior: Array,
+    total: Array,
+    variance: float,
+    usual: tuple[float, float] = _NO_SCATTER,
 ) -> float:
     """
     Return the chi-square per degree of freedom of the views' lenses, at least 1.
 
     information (V, n, n) and gradients (V, n) are the views' equations for the lens at their
-    common optimum, prior (n, n) the rest, total (n, n) the sum; px². An error that all points of a
+    common optimum, prior (n, n) the rest, total (n, n) the sum; px². usual: degrees of freedom and
+    scatter that are added. An error that all points of a
     view share (a rolling shutter, a lens outside the model) hardly changes its residuals, but
     shifts the lens that this view alone would have.
     """
@@ -389,8 +396,8 @@ def scatter_of(
     expected = information - information @ inverse_of_information(total) @ information
     squares = np.einsum('va,vab,vb->', gradients, alone, gradients) / variance
     freedom = np.einsum('vab,vba->', alone, expected)
-    before = _SCATTER_FREEDOM * _USUAL_SCATTER
-    return max(1.0, float((before + squares) / (_SCATTER_FREEDOM + freedom)))
+    more, scatter = usual
+    return max(1.0, float((more * scatter + squares) / (more + freedom)))
 
 
 def keyframes_of(fit: JointFit) -> tuple[Keyframe, ...]:

@@ -153,25 +153,35 @@ def camera_info_division_msg(
     """
     Make a CameraInfo with our own camera model, 'division'.
 
-    D is [k], or [k, k2, k3] if the camera has more than one coefficient. K and P hold focal
-    length and centre, R is the identity. Pixel u sees the ray
-    (d, 1 + k |d|² + k2 |d|⁴ + k3 |d|⁶) with d = (u - c) / f.
+    D is the shortest of [k], [k, k2, k3] and [k, k2, k3, k4, p1, p2] that holds all numbers that
+    are not zero. K and P hold fx, fy and the centre, R is the identity. With
+    (x, y) = ((u - cx) / fx, (v - cy) / fy) and q = x² + y², pixel (u, v) sees the ray
+    (e, 1 + k |e|² + k2 |e|⁴ + k3 |e|⁶ + k4 |e|⁸), where
+    e = (x + 2 p1 x y + p2 (q + 2 x²), y + p1 (q + 2 y²) + 2 p2 x y).
     """
-    f = camera.focal_px
-    msg = _with_intrinsics(header, frame, (f, f), camera.center_px)
+    msg = _with_intrinsics(header, frame, camera.focal_xy_px, camera.center_px)
     msg.distortion_model = 'division'
-    msg.d = [camera.k] if camera.order == 1 else [camera.k, camera.k2, camera.k3]
+    k, k2, k3, k4 = camera.terms
+    if camera.order == 4 or camera.is_decentred:
+        msg.d = [k, k2, k3, k4, camera.p1, camera.p2]
+    else:
+        msg.d = [k] if camera.order == 1 else [k, k2, k3]
     return msg
 
 
 def division_camera_from_msg(msg: CameraInfo) -> DivisionCamera:
     """Read the camera of our own ``camera_info_division``; other models raise ``ValueError``."""
-    if msg.distortion_model != 'division' or len(msg.d) not in (1, 3):
+    if msg.distortion_model != 'division' or len(msg.d) not in (1, 3, 6):
         raise ValueError(
-            'expected distortion_model division with D = [k] or [k, k2, k3], '
-            f'got {msg.distortion_model!r} with {len(msg.d)} coefficients'
+            'expected distortion_model division with D = [k], [k, k2, k3] or '
+            f'[k, k2, k3, k4, p1, p2], got {msg.distortion_model!r} with {len(msg.d)} coefficients'
         )
-    return DivisionCamera(msg.k[0], (msg.k[2], msg.k[5]), *msg.d)
+    fx, fy = float(msg.k[0]), float(msg.k[4])
+    if not (fx > 0.0 and fy > 0.0):
+        raise ValueError(f'expected K with fx and fy > 0, got {fx:g} and {fy:g}')
+    given = list(msg.d)
+    k, k2, k3, k4, p1, p2 = given + [0.0] * (6 - len(given))
+    return DivisionCamera(fx, (msg.k[2], msg.k[5]), k, k2, k3, k4, fy / fx, p1, p2)
 
 
 def _with_intrinsics(

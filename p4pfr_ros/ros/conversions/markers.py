@@ -109,6 +109,7 @@ def markers_msg(
     *,
     sheet_size_m: tuple[float, float] | None = None,
     full_scale_px: float = 2.0,
+    surface_points: Array | None = None,
 ) -> MarkerArray:
     """
     Make the markers of one estimate, in the header's frame.
@@ -131,6 +132,8 @@ def markers_msg(
         Width and height of the printed sheet; None: the outline is the extent of the points.
     full_scale_px
         Residual at the end of the colour ramp.
+    surface_points : (N, 3) array
+        Where the points are on the real board; None: where its specification has them.
 
     """
     solution = estimate.model
@@ -139,7 +142,9 @@ def markers_msg(
     low, high = _extent(points.board_points, sheet_size_m)
     determined = estimate.observable.direction and estimate.observable.distance
     scene = _Scene(header, board_frame, solution, float((high - low).max()), determined)
-    residuals_px = _residuals_px(solution, points.board_points, image_points_full_px)
+    if surface_points is None:
+        surface_points = np.pad(points.board_points, ((0, 0), (0, 1)))
+    residuals_px = _residuals_px(solution, surface_points, image_points_full_px)
     return MarkerArray(
         markers=[
             _outline(scene, low, high),
@@ -158,9 +163,9 @@ def _extent(board_points: Array, sheet_size_m: tuple[float, float] | None) -> tu
     return -half, half
 
 
-def _residuals_px(solution: Solution, board_points: Array, image_points_px: Array) -> Array:
+def _residuals_px(solution: Solution, surface_points: Array, image_points_px: Array) -> Array:
     """Return the distances (N,) to the reprojections; NaN if a point does not project."""
-    in_camera = solution.camera_from_board.transform(np.pad(board_points, ((0, 0), (0, 1))))
+    in_camera = solution.camera_from_board.transform(surface_points)
     residual_px = image_points_px - solution.camera.project(in_camera)
     distances: Array = np.linalg.norm(residual_px, axis=1)
     return distances

@@ -49,7 +49,7 @@ class IntrinsicsOptions:
     )
     focal_px: float = parameter(
         0.0,
-        'Mode fixed: focal length at the principal point, pixels. 0: not given.',
+        'Mode fixed: focal length fx at the principal point, pixels. 0: not given.',
         low=0.0,
         high=1e6,
     )
@@ -67,6 +67,21 @@ class IntrinsicsOptions:
     )
     k3: float = parameter(
         0.0, 'Mode fixed: third distortion coefficient, for wide lenses.', low=-100.0, high=100.0
+    )
+    k4: float = parameter(
+        0.0, 'Mode fixed: fourth distortion coefficient, for wide lenses.', low=-100.0, high=100.0
+    )
+    aspect: float = parameter(
+        1.0,
+        'Mode fixed: aspect ratio fy/fx, with focal_px = fx. 1: square pixels.',
+        low=0.1,
+        high=10.0,
+    )
+    p1: float = parameter(
+        0.0, 'Mode fixed: first coefficient of the decentring distortion.', low=-1.0, high=1.0
+    )
+    p2: float = parameter(
+        0.0, 'Mode fixed: second coefficient of the decentring distortion.', low=-1.0, high=1.0
     )
 
     def __post_init__(self) -> None:

@@ -15,7 +15,7 @@ from urllib.parse import unquote
 from p4pfr_ros import CalibrationState, CameraEstimate
 from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
 from p4pfr_ros.files.yaml_fields import ConfigError
-from p4pfr_ros.report.number_format import plus_minus
+from p4pfr_ros.report.number_format import plus_minus, shape_text
 from rclpy.task import Future
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.srv import SetCameraInfo
@@ -219,8 +219,16 @@ def calibration_path(calibration_file: str, camera_name: str) -> Path:
 def _summary(estimate: CameraEstimate) -> str:
     camera = estimate.camera
     x, y = map(plus_minus, camera.center_px, estimate.center_sigma_px)
-    views = '1 view' if estimate.views == 1 else f'{estimate.views} views'
-    return (
-        f'focal length {plus_minus(camera.focal_px, estimate.focal_sigma_px)} px, centre {x}, {y} '
-        f'px, k {plus_minus(camera.k, estimate.k_sigma)}, {views}'
-    )
+    parts = [
+        f'focal length {plus_minus(camera.focal_px, estimate.focal_sigma_px)} px',
+        f'centre {x}, {y} px',
+        f'k {plus_minus(camera.k, estimate.k_sigma)}',
+    ]
+    if camera.aspect != 1.0:
+        parts.append(f'fy/fx {plus_minus(camera.aspect, estimate.aspect_sigma)}')
+    if not math.isnan(estimate.projection_sigma_px):
+        parts.append(f'projection {estimate.projection_sigma_px:.2g} px at most where seen')
+    for name, shape in estimate.board_shapes.items():
+        parts.append(f'{f"board {name}".strip()} {shape_text(shape)}')
+    parts.append('1 view' if estimate.views == 1 else f'{estimate.views} views')
+    return ', '.join(parts)

@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from p4pfr_ros import (
+    BoardShape,
     CalibrationOptions,
     CalibrationState,
     CameraEstimate,
@@ -19,6 +21,7 @@ from p4pfr_ros import (
     SelfCalibration,
     Verdict,
 )
+from p4pfr_ros.boards.shape_in_use import shape_in_use
 from p4pfr_ros.files.calibration import Calibration
 
 from .camera_check import CameraCheck
@@ -26,7 +29,8 @@ from .inputs import BoardObservation, Inputs
 from ..parameters.pose_options import CAMERA_INFO, PER_FRAME, PoseNodeOptions, SELF_CALIBRATE
 from ..runtime.rejections import Notice, Rejected
 
-KnownCamera = DivisionCamera | CameraInfoModel
+# An estimate also holds where the lens was seen, and the shapes of the boards.
+KnownCamera = CameraEstimate | DivisionCamera | CameraInfoModel
 
 # Number of image sizes whose cameras are stored.
 _MAX_SIZES = 8
@@ -76,7 +80,17 @@ class CameraSource:
             return self._inputs.camera_model()
         if given.focal_px > 0.0:
             center_px = options.image.center_px(image_size)
-            return DivisionCamera(given.focal_px, center_px, given.k, given.k2, given.k3)
+            return DivisionCamera(
+                given.focal_px,
+                center_px,
+                given.k,
+                given.k2,
+                given.k3,
+                given.k4,
+                given.aspect,
+                given.p1,
+                given.p2,
+            )
         return self._calibrations.known_camera(image_size)
 
 
@@ -96,15 +110,20 @@ def estimate_with(
     CALIBRATED and the view agrees, that is before the update, which takes longer than the pose.
     """
     image_points, board_points = observation.image_points, observation.points.board_points
-    image_size = observation.frame.size
+    image_size, name = observation.frame.size, observation.target.name
     if isinstance(camera, SelfCalibration):
-        return camera.update(image_points, board_points, observation.stamp_ns, on_pose=on_pose)
+        stamp_ns = observation.stamp_ns
+        return camera.update(image_points, board_points, stamp_ns, board=name, on_pose=on_pose)
     if camera is not None:
+        shape = _shape(camera, observation)
+        if isinstance(camera, CameraEstimate):
+            camera = camera.camera
         estimate = estimate_pose(
             image_points,
             board_points,
             image_size=image_size,
             camera=camera,
+            board_shape=shape,
             options=options.robust,
         )
         board = observation.target.prefix
@@ -121,13 +140,32 @@ def estimate_with(
     return estimate
 
 
+def on_real_board(
+    camera: SelfCalibration | KnownCamera | None, observation: BoardObservation
+) -> BoardObservation:
+    """Return an observation with its points on the real board, if the shape is known."""
+    shape = _shape(camera, observation)
+    if shape is None:
+        return observation
+    return replace(observation, surface_points=shape.points(observation.points.board_points))
+
+
+def _shape(
+    camera: SelfCalibration | KnownCamera | None, observation: BoardObservation
+) -> BoardShape | None:
+    """Return the shape of the observed board from the calibration in use."""
+    estimate = camera.fused if isinstance(camera, SelfCalibration) else camera
+    if not isinstance(estimate, CameraEstimate):
+        return None
+    return shape_in_use(estimate, observation.target.name, observation.points.board_points)
+
+
 def camera_to_publish(
     camera: SelfCalibration | KnownCamera | None, estimate: PoseEstimate, mode: str
 ) -> KnownCamera | None:
     """Return the camera in use after an estimate; None if it is unknown, or from camera_info."""
     if isinstance(camera, SelfCalibration):
-        fused = camera.fused
-        return None if fused is None else fused.camera
+        return camera.fused
     if mode == CAMERA_INFO:
         return None
     if camera is not None:
@@ -178,6 +216,11 @@ class CalibrationBySize:
         return None if self._calibration is None else self._calibration.fused
 
     @property
+    def missing(self) -> tuple[str, ...]:
+        """What would make the camera CALIBRATED, as advice; empty if it is."""
+        return () if self._calibration is None else self._calibration.missing
+
+    @property
     def image_size(self) -> tuple[int, int] | None:
         """The image size of the current calibration; None before the first view."""
         return None if self._calibration is None else self._calibration.image_size
@@ -222,10 +265,10 @@ class CalibrationBySize:
     def known_camera(self, image_size: tuple[int, int]) -> KnownCamera | Rejected:
         """Return the loaded or estimated camera for images of this size."""
         if self.image_size == image_size and self.fused is not None:
-            return self.fused.camera
+            return self.fused
         stored, loaded = self._estimates.get(image_size), self._loaded
         if stored is not None:
-            return stored.camera
+            return stored
         if loaded is not None and loaded.image_size == image_size:
             return loaded.model
         wrong_size = self._wrong_size(image_size)

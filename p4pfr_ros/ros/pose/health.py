@@ -19,7 +19,14 @@ from rclpy.node import Node
 from std_msgs.msg import Header
 
 from .camera_source import CalibrationBySize
-from .health_values import camera_values, Latencies, number, UNKNOWN, view_values
+from .health_values import (
+    board_values,
+    camera_values,
+    Latencies,
+    number,
+    UNKNOWN,
+    view_values,
+)
 from ..runtime.endpoints import Endpoints
 from ..runtime.rejections import CauseLog, Notice, Rejected
 
@@ -71,6 +78,7 @@ class HealthReporter:
         self._rejections = CauseLog(node.get_logger())
         self._notices = CauseLog(node.get_logger())
         self._health = Health(time.monotonic())
+        self._calibrations: CalibrationBySize | None = None
         self._publisher = endpoints.advertise(DiagnosticArray, '/diagnostics')
 
     def received(self, received_s: float) -> None:
@@ -103,7 +111,7 @@ class HealthReporter:
 
     def calibrated(self, calibrations: CalibrationBySize | None) -> None:
         """Record the calibration after a view; None in the modes without self-calibration."""
-        now_s = time.monotonic()
+        now_s, self._calibrations = time.monotonic(), calibrations
         if calibrations is None:
             self._health.calibrated(now_s, '', 0, None, restarted=False)
             return
@@ -114,13 +122,18 @@ class HealthReporter:
     def camera_published(self, model: CameraInfoModel | None) -> None:
         """Record the model on ``~/camera_info``; None: none was published."""
         if model is not None:
-            self._health.camera_info(model.distortion_model, model.residual_px)
+            self._health.camera_info(
+                model.distortion_model, model.residual_px, model.residual_outside_px
+            )
 
     def publish(self, *, enabled: bool) -> None:
         """Publish /diagnostics if a second has passed, or the status has changed."""
         self._health.enabled = enabled
         now_s = time.monotonic()
         if self._health.due(now_s):
+            # What is missing takes longer than a message has time for.
+            calibrations = self._calibrations
+            self._health.missing = () if calibrations is None else calibrations.missing
             status = self._health.status(now_s)
             name = f'{self._node.get_fully_qualified_name()[1:]}: pose'
             stamp = self._node.get_clock().now().to_msg()
@@ -159,11 +172,13 @@ class Health:
     Records the events of a node and derives its status; it does not use ROS.
 
     Recording an event takes a microsecond or two; numbers are formatted in ``status``. All
-    ``now_s`` are seconds of one steady clock. Set ``enabled`` to the parameter's value.
+    ``now_s`` are seconds of one steady clock. Set ``enabled`` to the parameter's value, and
+    ``missing`` to the advice of the calibration before ``status``.
     """
 
     def __init__(self, now_s: float) -> None:
         self.enabled = True
+        self.missing: tuple[str, ...] = ()
         self.received_count = 0
         self.answered_count = 0
         self.rejections: Counter[str] = Counter()
@@ -180,7 +195,7 @@ class Health:
         self._calibration = ''
         self._views = 0
         self._fused: CameraEstimate | None = None
-        self._camera_info = (UNKNOWN, UNKNOWN)
+        self._camera_info = (UNKNOWN, UNKNOWN, UNKNOWN)
         self._reasons: dict[str, _Reason] = {}
         self._next_s = now_s
         self._published_s = -math.inf
@@ -251,9 +266,15 @@ class Health:
             text = 'the camera has changed: calibration restarted'
             self._hold(now_s, 'camera_changed', Level.WARN, text, _RESTART_HOLD_S)
 
-    def camera_info(self, distortion_model: str, residual_px: float) -> None:
-        """Record the model on ``~/camera_info``, and its largest deviation from ours, px."""
-        self._camera_info = (distortion_model, number(residual_px, 4))
+    def camera_info(
+        self, distortion_model: str, residual_px: float, residual_outside_px: float
+    ) -> None:
+        """Record the model on ``~/camera_info``, and its largest deviations from ours, px."""
+        self._camera_info = (
+            distortion_model,
+            number(residual_px, 4),
+            number(residual_outside_px, 4),
+        )
 
     def due(self, now_s: float) -> bool:
         """Return whether to publish: once a second, and after a change of level or reasons."""
@@ -302,18 +323,26 @@ class Health:
     def _without_reasons(self) -> tuple[str, str]:
         if self._was_skipped:
             return 'idle', 'idle: no board detected, or no subscribers'
-        return self._calibration, self._calibration or 'estimating poses'
+        if not self._calibration:
+            return '', 'estimating poses'
+        details = [self._calibration, *self.missing]
+        if self._fused is not None and not math.isnan(self._fused.projection_sigma_px):
+            details.append(f'{self._fused.projection_sigma_px:.2f} px at most where seen')
+        return self._calibration, '; '.join(details)
 
     def _values(self, now_s: float) -> dict[str, str]:
         p50_s, p99_s = self._latencies.quantiles_s(now_s, 0.5, 0.99)
         age_s = self._stamp_age_s
-        model, residual_px = self._camera_info
+        model, residual_px, residual_outside_px = self._camera_info
         return {
             'calibration': self._calibration or UNKNOWN,
+            'missing': '; '.join(self.missing) or ('nothing' if self._calibration else UNKNOWN),
             'views': str(self._views),
             **camera_values(self._fused, self._estimate),
             'camera_info_model': model,
             'camera_info_residual_px': residual_px,
+            'camera_info_residual_outside_px': residual_outside_px,
+            **board_values(self._fused),
             **view_values(self._estimate),
             'rate_hz': number(self._latencies.rate_hz(now_s), 1),
             'latency_p50_ms': number(1e3 * p50_s, 2),

@@ -15,10 +15,14 @@ import math
 
 import numpy as np
 from p4pfr_ros import CameraEstimate, DivisionCamera, PoseEstimate
+from p4pfr_ros.report.number_format import shape_text
 
 WINDOW_S = 5.0
 
 UNKNOWN = 'unknown'
+
+# Terms of the lens that are estimated only if the views ask for them, and their defaults.
+_OTHER_TERMS = {'k2': 0.0, 'k3': 0.0, 'k4': 0.0, 'aspect': 1.0, 'p1': 0.0, 'p2': 0.0}
 
 # With more estimates in a window, the window is shorter.
 _MAX_COUNT = 8192
@@ -70,7 +74,7 @@ def number(value: float, digits: int) -> str:
 
 def camera_values(fused: CameraEstimate | None, estimate: PoseEstimate | None) -> dict[str, str]:
     """List the calibrated camera; without one, what the last view determines of the camera."""
-    focal = k = center_x = center_y = rms = (math.nan, math.nan)
+    focal = k = center_x = center_y = (math.nan, math.nan)
     camera: DivisionCamera | None = None
     if fused is not None:
         camera = fused.camera
@@ -78,7 +82,6 @@ def camera_values(fused: CameraEstimate | None, estimate: PoseEstimate | None) -
         # A sigma of 0: the centre is still assumed, not estimated.
         sigma_x, sigma_y = (float(sigma) or math.nan for sigma in fused.center_sigma_px)
         center_x, center_y = (camera.center_px[0], sigma_x), (camera.center_px[1], sigma_y)
-        rms = (fused.rms_px, math.nan)
     elif estimate is not None and estimate.model is not None:
         camera = estimate.model.camera
         if estimate.observable.focal:
@@ -91,15 +94,43 @@ def camera_values(fused: CameraEstimate | None, estimate: PoseEstimate | None) -
         'focal_sigma_px': number(focal[1], 2),
         'k': number(k[0], 5),
         'k_sigma': number(k[1], 5),
-        'k2': number(camera.k2, 5) if camera is not None else UNKNOWN,
-        'k3': number(camera.k3, 5) if camera is not None else UNKNOWN,
-        'distortion_order': str(camera.order) if camera is not None else UNKNOWN,
+        **_other_terms(camera, fused),
         'center_x_px': number(center_x[0], 2),
         'center_x_sigma_px': number(center_x[1], 2),
         'center_y_px': number(center_y[0], 2),
         'center_y_sigma_px': number(center_y[1], 2),
-        'calibration_rms_px': number(rms[0], 3),
+        **_calibration_values(fused),
     }
+
+
+def board_values(fused: CameraEstimate | None) -> dict[str, str]:
+    """List the shapes of the boards, as text."""
+    shapes = {} if fused is None else fused.board_shapes
+    return {f'board.{name}' if name else 'board': shape_text(s) for name, s in shapes.items()}
+
+
+def _other_terms(camera: DivisionCamera | None, fused: CameraEstimate | None) -> dict[str, str]:
+    """List the terms of a lens but focal length, centre and k; with sigma if it was estimated."""
+    sigmas = dict.fromkeys(_OTHER_TERMS, math.nan)
+    if fused is not None:
+        found = (*fused.terms_sigma[1:], fused.aspect_sigma, *fused.decentring_sigma)
+        sigmas = dict(zip(_OTHER_TERMS, found, strict=True))
+    values = {}
+    for name, without in _OTHER_TERMS.items():
+        term = math.nan if camera is None else getattr(camera, name)
+        values[name] = number(term, 5)
+        # A term that was not estimated has its default, not a measured number.
+        values[f'{name}_sigma'] = number(sigmas[name] if term != without else math.nan, 5)
+    return values | {'distortion_order': UNKNOWN if camera is None else str(camera.order)}
+
+
+def _calibration_values(fused: CameraEstimate | None) -> dict[str, str]:
+    """List how well the calibration fits, and how well the camera is known."""
+    names = ('calibration_rms_px', 'calibration_scatter', 'projection_sigma_px')
+    if fused is None:
+        return dict.fromkeys(names, UNKNOWN)
+    numbers = (fused.rms_px, fused.scatter, fused.projection_sigma_px)
+    return dict(zip(names, (number(value, 3) for value in numbers), strict=True))
 
 
 def view_values(estimate: PoseEstimate | None) -> dict[str, str]:

@@ -62,9 +62,14 @@ class Target:
     prefix: str = _NODE
     board: Board | None = None
 
+    @property
+    def name(self) -> str:
+        """The board's own name, under which a calibration has its shape; empty for none."""
+        return '' if self.board is None else self.board.name
+
     def frame(self, board_frame: str) -> str:
         """Return the name of its frame, given the parameter ``board_frame``."""
-        name = _NAMELESS if self.board is None else self.board.name
+        name = self.name or _NAMELESS
         if self.prefix == _NODE:
             return board_frame or name
         return f'{board_frame}/{name}' if board_frame else name
@@ -91,6 +96,8 @@ class BoardObservation:
         Its points, in pixels of the image as it was sent.
     image_points : (N, 2) array
         The same points in pixels of the full raw image.
+    surface_points : (N, 3) array
+        Where the points are on the real board, metres; None: its shape is not known.
 
     """
 
@@ -99,6 +106,7 @@ class BoardObservation:
     target: Target
     points: Correspondences
     image_points: Array
+    surface_points: Array | None = None
 
     @property
     def stamp_ns(self) -> int:

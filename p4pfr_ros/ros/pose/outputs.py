@@ -10,7 +10,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseArray, PoseStamped, PoseWithCovarianceStamped
-from p4pfr_ros import CameraInfoModel, Pose, PoseEstimate
+from p4pfr_ros import CameraEstimate, CameraInfoModel, DivisionCamera, Pose, PoseEstimate
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
@@ -143,7 +143,9 @@ class CameraOutputs:
     def __init__(self, endpoints: Endpoints) -> None:
         self._camera_info = endpoints.advertise(CameraInfo, '~/camera_info', latched=True)
         self._division = endpoints.advertise(CameraInfo, '~/camera_info_division', latched=True)
-        self._published: tuple[KnownCamera, str, ImageFrame] | None = None
+        self._published: (
+            tuple[DivisionCamera | CameraInfoModel, float | None, str, ImageFrame] | None
+        ) = None
 
     def has_subscribers(self) -> bool:
         """Return whether a topic has a subscriber."""
@@ -156,9 +158,12 @@ class CameraOutputs:
         Publish a camera, in our model and in a model that image_proc supports.
 
         Returns the latter; None, and nothing is published, if the camera is the one published
-        last and ``again`` is false.
+        last and ``again`` is false. It is fitted where the lens was seen, if that is known.
         """
-        published = camera, header.frame_id, frame
+        seen_radius_px = None
+        if isinstance(camera, CameraEstimate):
+            seen_radius_px, camera = camera.seen_radius_px, camera.camera
+        published = camera, seen_radius_px, header.frame_id, frame
         if published == self._published and not again:
             return None
         self._published = published
@@ -166,7 +171,7 @@ class CameraOutputs:
             model = camera
             self._division.publish(camera_info_msg(header, frame))
         else:
-            model = camera.to_camera_info_model(frame.size)
+            model = camera.to_camera_info_model(frame.size, seen_radius_px)
             self._division.publish(camera_info_division_msg(header, frame, camera))
         self._camera_info.publish(camera_info_from_model_msg(header, frame, model))
         return model
@@ -174,7 +179,7 @@ class CameraOutputs:
     def retract(self, stamp: Time) -> None:
         """Publish an uncalibrated camera (K = 0) if a camera was published before."""
         if self._published is not None:
-            _, frame_id, frame = self._published
+            _, _, frame_id, frame = self._published
             uncalibrated = camera_info_msg(Header(stamp=stamp, frame_id=frame_id), frame)
             self._camera_info.publish(uncalibrated)
             self._division.publish(uncalibrated)
@@ -281,4 +286,5 @@ def _markers(
         observation.frame.size,
         sheet_size_m=None if target.board is None else target.board.sheet_size_m,
         full_scale_px=options.robust.threshold_px,
+        surface_points=observation.surface_points,
     )

@@ -19,7 +19,7 @@ from sensor_msgs.msg import CameraInfo, PointCloud2
 
 from .calibration_keeper import CalibrationKeeper, CameraInfoSetter
 from .camera_check import CameraCheck
-from .camera_source import camera_to_publish, CameraSource, estimate_with
+from .camera_source import camera_to_publish, CameraSource, estimate_with, on_real_board
 from .health import HealthReporter, PERIOD_S
 from .inputs import BoardObservation, Inputs
 from .outputs import Outputs
@@ -149,6 +149,7 @@ class PosePipeline:
         if isinstance(camera, Rejected):
             self._reporter.reject(camera)
             return
+        observation = on_real_board(camera, observation)
         publish = functools.partial(self._publish, observation, options, received_s)
         estimate = estimate_with(camera, observation, options, self._check, on_pose=publish)
         in_use = camera_to_publish(camera, estimate, options.intrinsics.mode)

@@ -53,4 +53,9 @@ def _turned(observation: BoardObservation, turn: Pose) -> BoardObservation:
         return observation
     points = observation.points
     in_board = turn.inverse().transform(np.pad(points.board_points, ((0, 0), (0, 1))))
-    return replace(observation, points=replace(points, board_points=in_board[:, :2]))
+    surface = observation.surface_points
+    return replace(
+        observation,
+        points=replace(points, board_points=in_board[:, :2]),
+        surface_points=None if surface is None else turn.inverse().transform(surface),
+    )

@@ -126,19 +126,58 @@ def test_an_uncalibrated_or_unknown_camera_is_rejected(change, cause, reason):
         (DivisionCamera(512.5, (300.25, 200.5)), [0.0]),
         (DivisionCamera(512.5, (300.25, 200.5), -0.125, 0.25), [-0.125, 0.25, 0.0]),
         (DivisionCamera(512.5, (300.25, 200.5), 0.0, 0.0, 0.5), [0.0, 0.0, 0.5]),
+        (DivisionCamera(512.5, (300.25, 200.5), -0.125, aspect=1.25), [-0.125]),
+        (
+            DivisionCamera(512.5, (300.25, 200.5), -0.125, 0.5, 0.25, 0.0625, 0.75),
+            [-0.125, 0.5, 0.25, 0.0625, 0.0, 0.0],
+        ),
+        (
+            DivisionCamera(512.5, (300.25, 200.5), -0.125, p1=0.5, p2=-0.25),
+            [-0.125, 0.0, 0.0, 0.0, 0.5, -0.25],
+        ),
     ],
 )
 def test_a_division_camera_has_as_many_coefficients_as_it_needs(camera, d):
     msg = camera_info_division_msg(scenes.header(1), FRAME, camera)
     assert list(msg.d) == d
+    np.testing.assert_array_equal(msg.k.reshape(3, 3), camera.matrix)
+    np.testing.assert_array_equal(msg.p.reshape(3, 4)[:, :3], camera.matrix)
     assert division_camera_from_msg(msg) == camera
 
 
-@pytest.mark.parametrize('d', [[], [0.1, 0.2]])
+def test_the_ray_of_a_pixel_can_be_computed_from_the_division_message():
+    """By the formula that is documented, from K and D alone."""
+    camera = DivisionCamera(512.5, (300.25, 200.5), -0.2, 0.05, 0.01, 2e-3, 1.1, 0.01, -0.02)
+    msg = camera_info_division_msg(scenes.header(1), FRAME, camera)
+    pixels = np.random.default_rng(0).uniform((0, 0), FRAME.size, (20, 2))
+    k, k2, k3, k4, p1, p2 = msg.d
+    x, y = ((pixels - msg.k[[2, 5]]) / msg.k[[0, 4]]).T
+    q = x**2 + y**2
+    e = np.stack(
+        [
+            x + 2 * p1 * x * y + p2 * (q + 2 * x**2),
+            y + p1 * (q + 2 * y**2) + 2 * p2 * x * y,
+        ],
+        axis=-1,
+    )
+    q = np.sum(e**2, axis=-1)
+    rays = np.column_stack([e, 1 + k * q + k2 * q**2 + k3 * q**3 + k4 * q**4])
+    np.testing.assert_allclose(camera.unproject(pixels), rays, rtol=1e-12)
+
+
+@pytest.mark.parametrize('d', [[], [0.1, 0.2], [0.1] * 4, [0.1] * 7])
 def test_another_number_of_coefficients_is_an_error(d):
     msg = camera_info_division_msg(scenes.header(1), FRAME, DivisionCamera(500.0, (3.0, 4.0)))
     msg.d = d
     with pytest.raises(ValueError, match=f'division.* with {len(d)} coefficients'):
+        division_camera_from_msg(msg)
+
+
+@pytest.mark.parametrize('place', [0, 4])
+def test_a_division_camera_without_focal_length_is_an_error(place):
+    msg = camera_info_division_msg(scenes.header(1), FRAME, DivisionCamera(500.0, (3.0, 4.0)))
+    msg.k[place] = 0.0
+    with pytest.raises(ValueError, match='expected K with fx and fy > 0'):
         division_camera_from_msg(msg)
 
 

@@ -3,14 +3,19 @@
 
 """The intrinsics modes without a node: accuracy of poses, changes of the camera, rejections."""
 
+from dataclasses import replace
+
 from modes import CALIBRATING, fixed, FREEZE, Modes, options, SELF_CALIBRATE
 import moving
 import numpy as np
-from p4pfr_ros import CalibrationState, Status
+from p4pfr_ros import BoardShape, CalibrationState, CameraEstimate, Status
+from p4pfr_ros.boards.shape_in_use import shape_in_use
 from p4pfr_ros.core.geometry import rotation_angle_rad
 from p4pfr_ros.files.calibration import Calibration
 from p4pfr_ros.ros.conversions import camera_info_from_model_msg, ImageFrame
 from p4pfr_ros.ros.parameters.declare import replaced
+from p4pfr_ros.ros.pose.camera_source import on_real_board
+from p4pfr_ros.ros.pose.inputs import Target
 import pytest
 import scenes
 
@@ -168,6 +173,67 @@ def test_the_calibration_of_another_program_gives_the_true_pose(mode):
         )
         np.testing.assert_allclose(pose.translation, true.translation, atol=1e-6)
         assert rotation_angle_rad(pose.rotation, true.rotation) < 1e-5
+
+
+def test_a_loaded_calibration_has_the_shapes_of_its_boards():
+    """By name, and for the points that it was seen with; another board counts as flat."""
+    shape = BoardShape(
+        np.zeros(2), np.array([0.1, 0.0625]), [0, 0, 0.02, 0, 0, 0, 0, 0], 1e-10 * np.eye(8)
+    )
+    covariance = np.diag([0.1, 0.1, 0.1, 1e-6, 0, 0, 0, 0, 0, 0])
+    [view] = moving.views(0, 1)
+    in_camera = view.camera_from_board.transform(shape.points(moving.BOARD.points))
+    image_points = moving.CAMERA.project(in_camera)
+    errors_m = {}
+    for known, name in (('wall', 'wall'), ('wall', 'door'), ('', '')):
+        estimate = CameraEstimate(moving.CAMERA, covariance, 0.2, 20, board_shapes={known: shape})
+        modes = Modes(loaded=Calibration.from_estimate(estimate, moving.SIZE, 'camera'))
+        board = replace(moving.BOARD, name=name) if name else None
+        observed = moving.observation(image_points, moving.SIZE, 0, Target(board=board))
+        pose = modes.process(observed, FREEZE).estimate.model.camera_from_board
+        errors_m[name] = view.error_m(pose)
+    assert errors_m['wall'] == pytest.approx(errors_m[''], abs=1e-9)
+    assert errors_m['wall'] < 1e-5 < 1e-4 < errors_m['door']
+
+
+def test_a_shape_is_not_extrapolated():
+    """Another board of the same name, which is larger, counts as flat."""
+    points = moving.BOARD.points
+    for factor, known in ((0.9, False), (1.0, True), (3.0, True)):
+        shape = BoardShape(
+            np.zeros(2), factor * np.array([0.1, 0.0625]), np.zeros(8), np.zeros((8, 8))
+        )
+        estimate = CameraEstimate(moving.CAMERA, np.eye(10), 0.2, 20, board_shapes={'wall': shape})
+        assert (shape_in_use(estimate, 'wall', points) is shape) is known
+        assert shape_in_use(estimate, 'door', points) is None
+
+
+def test_self_calibration_estimates_the_shape_of_each_board_by_its_name():
+    modes = Modes()
+    targets = [Target(f'~/{name}', replace(moving.BOARD, name=name)) for name in ('a', 'b')]
+    for view in moving.views(0, 12):
+        target = targets[view.index % 2]
+        observed = moving.observation(view.image_points, moving.SIZE, view.index, target)
+        modes.process(observed)
+    assert set(modes.calibrations.fused.board_shapes) == {'a', 'b'}
+    before = Modes()
+    assert before.calibrations.missing == ()
+    before.process(observed)
+    assert '4 more different views' in before.calibrations.missing
+
+
+def test_the_points_for_markers_are_on_the_real_board():
+    """The residuals that colour them are those of the estimate."""
+    modes = Modes()
+    modes.process_all(moving.views(0, 20))
+    calibration = modes.calibrations.select(
+        moving.SIZE, SELF_CALIBRATE.robust, SELF_CALIBRATE.calibration
+    )
+    observed = moving.views(20, 21)[0].observation
+    surface = on_real_board(calibration, observed).surface_points
+    shape = modes.calibrations.fused.board_shape('')
+    np.testing.assert_array_equal(surface, shape.points(moving.BOARD.points))
+    assert on_real_board(moving.CAMERA, observed) is observed
 
 
 def test_a_missing_camera_info_is_rejected():

@@ -7,7 +7,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from events import AMBIGUOUS, BAD_FIELDS, estimate, GOOD, NO_SIZE, reject, UNDETERMINED
 import numpy as np
-from p4pfr_ros import CameraEstimate, DivisionCamera
+from p4pfr_ros import BoardShape, CameraEstimate, DivisionCamera
 from p4pfr_ros.ros.pose.health import diagnostics_msg, Health, HealthStatus, Level
 from p4pfr_ros.ros.runtime.rejections import Rejected
 import pytest
@@ -39,40 +39,90 @@ def test_numbers_of_one_view():
     assert values['focal_px'] == values['focal_sigma_px'] == values['k'] == 'unknown'
 
 
+CAMERA = DivisionCamera(533.0, (342.3, 233.9), -0.2, 0.01, aspect=1.002, p2=-1e-3)
+SHAPE = BoardShape(
+    np.zeros(2), np.array([0.1, 0.05]), [0, 0, 0.01, 0, 0, 0, 0, 0], 1e-6 * np.eye(8)
+)
+SIGMAS = np.array([0.4, 0.5, 0.25, 0.001, 2e-3, 3e-3, 4e-3, 5e-3, 6e-3, 7e-3])
+FUSED = CameraEstimate(
+    CAMERA,
+    np.diag(SIGMAS**2),
+    rms_px=0.125,
+    views=13,
+    scatter=1.5,
+    projection_sigma_px=0.1234,
+    board_shapes={'wall': SHAPE, '': SHAPE},
+)
+CALIBRATED_VALUES = {
+    'calibration': 'calibrated',
+    'views': '13',
+    'missing': 'nothing',
+    'focal_px': '533.00',
+    'focal_sigma_px': '0.40',
+    'k': '-0.20000',
+    'k_sigma': '0.00100',
+    'k2': '0.01000',
+    'k2_sigma': '0.00200',
+    'k4': '0.00000',
+    'k4_sigma': 'unknown',
+    'aspect': '1.00200',
+    'aspect_sigma': '0.00500',
+    'p1_sigma': 'unknown',
+    'p2': '-0.00100',
+    'p2_sigma': '0.00700',
+    'distortion_order': '2',
+    'center_x_px': '342.30',
+    'center_x_sigma_px': '0.50',
+    'center_y_sigma_px': '0.25',
+    'calibration_rms_px': '0.125',
+    'calibration_scatter': '1.500',
+    'projection_sigma_px': '0.123',
+    'board.wall': 'bowed by 1.50 ± 0.17 mm',
+    'camera_info_model': 'rational_polynomial',
+    'camera_info_residual_px': '0.0100',
+    'camera_info_residual_outside_px': '2.5000',
+}
+
+
 def test_numbers_of_the_calibrated_camera():
-    """They replace those of one view; the names are the same."""
+    """They replace those of one view; the names are the same, with those of the boards."""
     health = Health(0.0)
     before = set(health.status(0.5).values)
     estimate(health, 1.0)
-    camera = DivisionCamera(533.0, (342.3, 233.9), -0.2, 0.01)
-    variances = np.square([0.4, 0.5, 0.25, 0.001, 0.0, 0.0])
-    fused = CameraEstimate(camera, np.diag(variances), rms_px=0.125, views=13)
-    health.calibrated(1.0, 'calibrated', 13, fused, restarted=False)
-    health.camera_info('rational_polynomial', 0.01)
+    health.calibrated(1.0, 'calibrated', 13, FUSED, restarted=False)
+    health.camera_info('rational_polynomial', 0.01, 2.5)
     values = health.status(1.0).values
-    assert set(values) == before
-    expected = {
-        'calibration': 'calibrated',
-        'views': '13',
-        'focal_px': '533.00',
-        'focal_sigma_px': '0.40',
-        'k': '-0.20000',
-        'k_sigma': '0.00100',
-        'k2': '0.01000',
-        'distortion_order': '2',
-        'center_x_px': '342.30',
-        'center_x_sigma_px': '0.50',
-        'center_y_sigma_px': '0.25',
-        'calibration_rms_px': '0.125',
-        'camera_info_model': 'rational_polynomial',
-        'camera_info_residual_px': '0.0100',
-    }
-    assert expected.items() <= values.items()
+    assert set(values) == before | {'board.wall', 'board'}
+    assert CALIBRATED_VALUES.items() <= values.items()
+
+
+def test_a_centre_without_uncertainty_is_assumed():
+    health = Health(0.0)
+    variances = SIGMAS**2
     variances[1:3] = 0.0
-    assumed = CameraEstimate(camera, np.diag(variances), rms_px=0.125, views=13)
+    assumed = CameraEstimate(CAMERA, np.diag(variances), rms_px=0.125, views=13)
     health.calibrated(1.0, 'calibrated', 13, assumed, restarted=False)
     values = health.status(1.0).values
     assert (values['center_x_px'], values['center_x_sigma_px']) == ('342.30', 'unknown')
+
+
+def test_the_message_says_how_well_the_camera_is_known_and_what_is_missing():
+    """A change of either is no change of the state: it is published with the next status."""
+    health = Health(0.0)
+    estimate(health, 1.0)
+    health.calibrated(1.0, 'converging', 2, None, restarted=False)
+    health.missing = ('tilt the board', 'show the corner')
+    status = health.status(1.0)
+    assert status.message == 'converging; tilt the board; show the corner'
+    assert status.values['missing'] == 'tilt the board; show the corner'
+    camera = DivisionCamera(533.0, (342.3, 233.9))
+    fused = CameraEstimate(camera, np.eye(10), 0.1, 3, projection_sigma_px=1.234)
+    health.calibrated(1.5, 'converging', 3, fused, restarted=False)
+    health.missing = ('tilt the board',)
+    assert not health.due(1.5)
+    estimate(health, 2.0)
+    message = health.status(2.0).message
+    assert message == 'converging; tilt the board; 1.23 px at most where seen'
 
 
 def test_it_is_published_every_second_and_after_a_change():

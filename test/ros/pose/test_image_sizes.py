@@ -5,6 +5,7 @@
 
 from modes import CALIBRATING, FREEZE, Modes
 import moving
+import numpy as np
 from p4pfr_ros import CalibrationState
 from p4pfr_ros.files.calibration import Calibration
 from p4pfr_ros.ros.runtime.rejections import Rejected
@@ -39,7 +40,10 @@ def test_the_camera_of_an_earlier_image_size_is_loaded_again():
     modes.process(_larger(view))
     assert modes.calibrations.restarted
     again = modes.process(view.observation)
-    assert again.estimate.model.camera == before.camera
+    loaded, camera = again.estimate.model.camera, before.camera
+    assert abs(loaded.focal_px - camera.focal_px) < 0.05 * before.focal_sigma_px
+    difference_px = np.subtract(loaded.center_px, camera.center_px)
+    assert (np.abs(difference_px) < 0.05 * before.center_sigma_px).all()
     assert again.notice.reason.endswith('treated as the earlier camera of that size')
     sizes = [(width, 480) for width in range(641, 660)]
     for size in sizes:

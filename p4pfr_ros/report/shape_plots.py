@@ -1,0 +1,235 @@
+# Copyright 2026 p4pfr_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""
+Two maps of a calibration: how well the camera is known, and the shape of each board.
+
+The module stands alone because its maps are of the result; ``plots`` shows the views behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+from typing import Any
+
+from matplotlib.collections import LineCollection
+import numpy as np
+from p4pfr_ros import BoardShape, CameraEstimate, DivisionCamera, Keyframe
+from p4pfr_ros.core.geometry import Array, Mask
+from p4pfr_ros.core.many_views.results import COVERAGE_SHAPE
+from p4pfr_ros.core.model.lens import LENS_SIZE
+from p4pfr_ros.report.figure_style import GREY
+from p4pfr_ros.report.number_format import shape_text
+
+# Cells of the maps along the longer side.
+_CELLS = 64
+# More boards are not drawn.
+_MAX_BOARDS = 2
+# The colours of the uncertainty end at this multiple of the largest one where points were seen.
+_MAX_RATIO = 4.0
+# Steps of the numerical derivatives: of the focal length and the centre as shares of the focal
+# length, and of a term that moves the corner by about as much.
+_STEP = 1e-5
+
+
+def draw_uncertainty_and_boards(
+    figure: Any,
+    estimate: CameraEstimate,
+    image_size: tuple[int, int],
+    views: Sequence[Keyframe],
+) -> None:
+    """
+    Draw the uncertainty of the camera over the image, and the heights of up to two boards.
+
+    Parameters
+    ----------
+    figure
+        A matplotlib Figure or SubFigure.
+    estimate
+        The camera and the shapes.
+    image_size
+        Width and height of the image, pixels.
+    views
+        Their points are marked on the boards.
+
+    """
+    boards = list(estimate.board_shapes.items())[:_MAX_BOARDS]
+    axes = np.atleast_1d(figure.subplots(1, 1 + max(len(boards), 1)))
+    _draw_uncertainty(figure, axes[0], estimate, image_size)
+    for panel, (name, shape) in zip(axes[1:], boards, strict=False):
+        points = [view.board_points for view in views if view.board == name]
+        _draw_board(figure, panel, name, shape, np.unique(np.concatenate(points), axis=0))
+    if not boards:
+        axes[1].set_axis_off()
+
+
+def _draw_uncertainty(
+    figure: Any, axes: Any, estimate: CameraEstimate, size: tuple[int, int]
+) -> None:
+    """Draw the standard deviation of projections, and the outline of the part that was seen."""
+    width, height = size
+    shape = _cells(height, width)
+    y, x = ((np.indices(shape)[i] + 0.5) * size[1 - i] / shape[i] - 0.5 for i in (0, 1))
+    pixels = np.stack([x.ravel(), y.ravel()], axis=-1)
+    sigmas = uncertainty_px(estimate, pixels, _seen_pixels(estimate, size)).reshape(shape)
+    known_px = estimate.projection_sigma_px
+    largest = known_px if known_px > 0.0 else float(np.nanmedian(sigmas))
+    extent = (-0.5, width - 0.5, height - 0.5, -0.5)
+    image = axes.imshow(
+        np.ma.masked_invalid(sigmas),
+        cmap='viridis',
+        vmin=0.0,
+        vmax=_MAX_RATIO * largest,
+        extent=extent,
+        aspect='equal',
+        interpolation='nearest',
+    )
+    axes.set_facecolor('lightgrey')
+    if estimate.coverage is not None:
+        _outline(axes, estimate.coverage, size)
+    axes.set(xlim=extent[:2], ylim=extent[2:], xticks=(0, width - 1), yticks=(0, height - 1))
+    _colour_bar(figure, axes, image, 'standard deviation of a projection, px', extend='max')
+    title = 'projection uncertainty'
+    if not math.isnan(known_px):
+        title += f': {known_px:.2g} px at most where seen (white)'
+    axes.set_title(title)
+
+
+def _colour_bar(figure: Any, axes: Any, image: Any, label: str, extend: str = 'neither') -> None:
+    """Draw a colour bar as high as the map."""
+    bar = figure.colorbar(image, cax=axes.inset_axes((1.02, 0.0, 0.035, 1.0)), extend=extend)
+    bar.set_label(label)
+
+
+def _cells(height: float, width: float) -> tuple[int, int]:
+    """Return rows and columns of nearly square cells."""
+    longer = max(height, width)
+    rows, columns = (max(2, round(_CELLS * side / longer)) for side in (height, width))
+    return rows, columns
+
+
+def _seen_pixels(estimate: CameraEstimate, size: tuple[int, int]) -> Array:
+    """Return the middles of the parts of the image in which points were seen, (n, 2)."""
+    rows, columns = COVERAGE_SHAPE
+    seen = np.ones(COVERAGE_SHAPE, bool) if estimate.coverage is None else estimate.coverage
+    y, x = np.nonzero(seen)
+    pixels = np.stack([(x + 0.5) * size[0] / columns, (y + 0.5) * size[1] / rows], axis=-1) - 0.5
+    if estimate.seen_radius_px is None:
+        return pixels
+    off = pixels - estimate.camera.center_px
+    radii = np.linalg.norm(off, axis=1, keepdims=True)
+    inside: Array = estimate.camera.center_px + off * np.minimum(
+        1.0, estimate.seen_radius_px / np.maximum(radii, 1e-9)
+    )
+    return inside
+
+
+def uncertainty_px(estimate: CameraEstimate, pixels: Array, seen: Array) -> Array:
+    """
+    Return the standard deviation of projections at pixels (N, 2), in the worst direction.
+
+    As ``projection_sigmas_px`` of the core, but anywhere in the image: the turn of the camera
+    that is taken out is the one that explains most where points were seen, at pixels (n, 2).
+    NaN where the lens sees nothing.
+    """
+    derivatives, turns = _derivatives(estimate.camera, np.concatenate([seen, pixels]))
+    n = len(seen)
+    valid = np.isfinite(derivatives[:n]).all(axis=(1, 2))
+    at_seen = derivatives[:n][valid].reshape(-1, LENS_SIZE)
+    turn = np.linalg.lstsq(turns[:n][valid].reshape(-1, 3), at_seen, rcond=None)[0]
+    rest = derivatives[n:] - turns[n:] @ turn
+    covariance = rest @ estimate.covariance @ rest.transpose(0, 2, 1)
+    a, b, d = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
+    variances = 0.5 * (a + d) + np.sqrt((0.5 * (a - d)) ** 2 + b**2)
+    sigmas: Array = np.sqrt(np.maximum(variances, 0.0))
+    return sigmas
+
+
+def _derivatives(camera: DivisionCamera, pixels: Array) -> tuple[Array, Array]:
+    """Return how pixels move with the camera, (N, 2, 10), and with a turn of it, (N, 2, 3)."""
+    rays = camera.unproject(pixels)
+    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    # Beyond the fold of the lens a pixel sees the ray of another one.
+    visible = np.abs(camera.project(rays) - pixels).max(axis=1) < 1e-3 * camera.focal_px
+    by_lens = [
+        (_moved(camera, i, step).project(rays) - _moved(camera, i, -step).project(rays))
+        / (2.0 * step)
+        for i, step in enumerate(_steps(camera, pixels))
+    ]
+    by_turn = [
+        (camera.project(rays + offset) - camera.project(rays - offset)) / (2.0 * _STEP)
+        for offset in (_STEP * np.cross(axis, rays) for axis in np.eye(3))
+    ]
+    derivatives, turns = np.stack(by_lens, axis=-1), np.stack(by_turn, axis=-1)
+    derivatives[~visible] = np.nan
+    return derivatives, turns
+
+
+def _steps(camera: DivisionCamera, pixels: Array) -> list[float]:
+    q = float(np.sum(((pixels - camera.center_px) / camera.focal_xy_px) ** 2, axis=1).max())
+    px = _STEP * camera.focal_px
+    return [px, px, px, *(_STEP / q**i for i in (1, 2, 3, 4)), _STEP, _STEP / q, _STEP / q]
+
+
+def _moved(camera: DivisionCamera, parameter: int, step: float) -> DivisionCamera:
+    """Return a camera with one parameter changed, in the order of the covariance."""
+    (x, y), numbers = camera.center_px, (*camera.terms, camera.aspect, camera.p1, camera.p2)
+    changed = [camera.focal_px, x, y, *numbers]
+    changed[parameter] += step
+    focal_px, x, y, *others = changed
+    return DivisionCamera(focal_px, (x, y), *others)
+
+
+def _outline(axes: Any, seen: Mask, size: tuple[int, int]) -> None:
+    """Outline the cells in which points were seen."""
+    rows, columns = seen.shape
+    padded = np.pad(seen, 1)
+    xs, ys = (np.linspace(0.0, size[i], n + 1) - 0.5 for i, n in ((0, columns), (1, rows)))
+    beside = np.nonzero(padded[1:-1, :-1] != padded[1:-1, 1:])
+    above = np.nonzero(padded[:-1, 1:-1] != padded[1:, 1:-1])
+    segments = [
+        *([(xs[j], ys[i]), (xs[j], ys[i + 1])] for i, j in zip(*beside, strict=True)),
+        *([(xs[j], ys[i]), (xs[j + 1], ys[i])] for i, j in zip(*above, strict=True)),
+    ]
+    lines = LineCollection(segments, colors='white', linewidths=1.5, capstyle='projecting')
+    axes.add_collection(lines)
+
+
+def _draw_board(figure: Any, axes: Any, name: str, shape: BoardShape, points: Array) -> None:
+    """Draw the height of a board over its best plane."""
+    (x, y), (half_x, half_y) = shape.center, shape.half_extent
+    rows, columns = _cells(max(half_y, 1e-9), max(half_x, 1e-9))
+    grid = np.stack(
+        np.meshgrid(
+            np.linspace(x - half_x, x + half_x, columns),
+            np.linspace(y - half_y, y + half_y, rows),
+        ),
+        axis=-1,
+    )
+    heights_mm = 1e3 * _over_best_plane(shape.points(grid.reshape(-1, 2))).reshape(rows, columns)
+    limit = max(float(np.abs(heights_mm).max()), 0.05)
+    extent = [1e3 * side for side in (x - half_x, x + half_x, y - half_y, y + half_y)]
+    image = axes.imshow(
+        heights_mm,
+        cmap='RdBu_r',
+        vmin=-limit,
+        vmax=limit,
+        origin='lower',
+        extent=extent,
+        aspect='equal',
+        interpolation='bilinear',
+    )
+    axes.plot(*(1e3 * points.T), '.', color=GREY, markersize=4.0, clip_on=False)
+    axes.set(xlabel='x, mm', ylabel='y, mm')
+    _colour_bar(figure, axes, image, 'height over the best plane, mm (red: to the viewer)')
+    title = 'shape of the board' + (f' {name}' if name else '')
+    axes.set_title(f'{title}, points as dots:\n{shape_text(shape)}')
+
+
+def _over_best_plane(points: Array) -> Array:
+    """Return the heights (N,) of points (N, 3) over the plane that fits them best."""
+    plane = np.column_stack([points[:, :2], np.ones(len(points))])
+    heights = points[:, 2]
+    flat: Array = heights - plane @ np.linalg.lstsq(plane, heights, rcond=None)[0]
+    return flat
