@@ -5,6 +5,7 @@
 
 from board_views import HEAD_ON
 import cv2
+from fisheyes import equidistant_fit
 import numpy as np
 from p4pfr_ros import DivisionCamera, Pose
 from p4pfr_ros.boards import Chessboard
@@ -108,3 +109,36 @@ def test_undistorted_points_are_projected_back_by_opencv(kind, coefficients):
     k, d = matrix(model.focal_px, model.center_px), np.array(coefficients)
     back = project(rays[:, None], np.zeros(3), np.zeros(3), k, d)[0][:, 0]
     np.testing.assert_allclose(back, points, atol=1e-9)
+
+
+@pytest.mark.parametrize('fov_deg', [140, 185])
+def test_opencv_undistorts_a_fisheye_where_it_was_seen(fov_deg):
+    """And gives every pixel of the dark corners a ray, farther from the axis than those inside."""
+    camera, seen_px = equidistant_fit(fov_deg)
+    model = camera.to_camera_info_model(SIZE, seen_px)
+    k, d = matrix(model.focal_px, model.center_px), np.array(model.coefficients)
+    x, y = np.meshgrid(np.linspace(-0.5, 1279.5, 60), np.linspace(-0.5, 959.5, 45))
+    pixels = np.stack([x, y], axis=-1).reshape(-1, 2)
+    radius_px = np.linalg.norm(pixels - camera.center_px, axis=1)
+    rays = model.unproject(pixels)
+    assert np.isfinite(rays).all()
+    # OpenCV's fisheye points are on the plane in front: at most 85 degrees.
+    front = rays[:, 2] > np.cos(np.radians(85.0))
+    flat = cv2.fisheye.undistortPoints(pixels[front, None], k, d)[:, 0]
+    np.testing.assert_allclose(flat, rays[front, :2] / rays[front, 2:], rtol=1e-3, atol=1e-4)
+    seen = camera.project(np.column_stack([flat, np.ones(len(flat))]))
+    inside = radius_px[front] < seen_px
+    assert np.linalg.norm(seen - pixels[front], axis=1)[inside].max() < 0.06
+
+
+@pytest.mark.parametrize('f', [1000.0, 1500.0])
+def test_opencv_undistorts_a_camera_with_aspect_and_decentring(f):
+    camera = DivisionCamera(f, CENTER, -0.15, aspect=1.04, p1=5e-4, p2=-3e-4)
+    model = camera.to_camera_info_model(SIZE)
+    assert model.distortion_model == 'rational_polynomial'
+    mapped = np.stack(rectifying_maps(model, f), axis=-1).astype(float)
+    x, y = np.meshgrid((np.arange(1280) - CENTER[0]) / f, (np.arange(960) - CENTER[1]) / f)
+    expected = camera.project(np.stack([x, y, np.ones_like(x)], axis=-1))
+    error_px = np.linalg.norm(mapped - expected, axis=-1)
+    inside = (np.abs(expected - CENTER) <= (640.0, 480.0)).all(axis=-1)
+    assert error_px[inside].max() < 0.1

@@ -3,10 +3,7 @@
 
 """CameraInfo models of several lenses, and pixels to test them at."""
 
-import math
-
 import numpy as np
-from p4pfr_ros import DivisionCamera
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 
 SIZE = (1280, 960)
@@ -31,19 +28,6 @@ MODELS = {
         'equidistant', (-0.02, 0.005, -0.003, 5e-4), (400.0, 401.0), CENTER, 0.0, SIZE
     ),
 }
-
-
-def equidistant_fit(fov_deg, seen_px=470.0):
-    """Return the camera of four terms fitted to an equidistant lens, and the radius it has, px."""
-    angle = np.linspace(0.0, math.radians(0.5 * fov_deg), 400)[1:]
-    r = angle * seen_px / angle[-1]
-    # f + f k (r/f)² + ... = r cot θ, linear; an error of it moves the pixel by sin²θ / θ.
-    weight, f = np.sin(angle) ** 2 / angle, seen_px / angle[-1]
-    powers = (r[:, None] / f) ** [0, 2, 4, 6, 8]
-    depth = np.linalg.lstsq(weight[:, None] * powers, weight * r / np.tan(angle), rcond=None)[0]
-    g = depth[0]
-    terms = [depth[i] / g * (g / f) ** (2 * i) for i in range(1, 5)]
-    return DivisionCamera(g, (641.0, 476.0), *terms), seen_px
 
 
 def pixels(n=2000, seed=0):

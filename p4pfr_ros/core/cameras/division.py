@@ -157,8 +157,10 @@ class DivisionCamera:
     def unproject(self, points_px: ArrayLike) -> Array:
         """Return the rays (..., 3) that pixels (..., 2) see: not unit, in the optical frame."""
         d = (np.asarray(points_px, dtype=np.float64) - self.center_px) / self.focal_xy_px
-        e = d + self._decentring(d) if self.is_decentred else d
-        depth = _ray_depth(np.sum(e**2, axis=-1, keepdims=True), self.terms)
+        # Not finite if the numbers are extreme.
+        with np.errstate(all='ignore'):
+            e = d + self._decentring(d) if self.is_decentred else d
+            depth = _ray_depth(np.sum(e**2, axis=-1, keepdims=True), self.terms)
         return np.concatenate([e, depth], axis=-1)
 
     def project(self, points_in_camera: ArrayLike) -> Array:
@@ -170,13 +172,15 @@ class DivisionCamera:
         """
         points = np.asarray(points_in_camera, dtype=np.float64)
         xy, z = points[..., :2], points[..., 2:]
-        if self.order == 1:
-            scale = _closed_form_scale(self.k, np.sum(xy**2, axis=-1, keepdims=True), z)
-        else:
-            scale = self._wide_scale(np.linalg.norm(xy, axis=-1, keepdims=True), z)
-        d = scale * xy
-        if self.is_decentred:
-            d = self._without_decentring(d)
+        # Not finite if the numbers are extreme.
+        with np.errstate(all='ignore'):
+            if self.order == 1:
+                scale = _closed_form_scale(self.k, np.sum(xy**2, axis=-1, keepdims=True), z)
+            else:
+                scale = self._wide_scale(np.linalg.norm(xy, axis=-1, keepdims=True), z)
+            d = scale * xy
+            if self.is_decentred:
+                d = self._without_decentring(d)
         pixels: Array = d * self.focal_xy_px + self.center_px
         return pixels
 

@@ -5,9 +5,10 @@
 
 from fractions import Fraction
 
+from fisheyes import equidistant_fit
 from hypothesis import strategies as st
 from laws import law
-from lenses import CENTER, equidistant_fit, MODELS, pixels, SIZE
+from lenses import CENTER, MODELS, pixels, SIZE
 import numpy as np
 from p4pfr_ros import DivisionCamera
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel

@@ -3,6 +3,7 @@
 
 """Bundle adjustment: derivatives, elimination of the poses, and the optimum."""
 
+from calibration_views import compiled_only
 import numpy as np
 from p4pfr_ros.core.linalg import rotate
 from p4pfr_ros.core.many_views.bundle_adjustment import (
@@ -152,6 +153,7 @@ def test_eliminating_the_poses_does_not_change_the_step_of_the_common_parameters
     np.testing.assert_allclose(step, expected, rtol=1e-5)
 
 
+@compiled_only
 @pytest.mark.parametrize('order', [1, 2, 3, 4])
 @pytest.mark.parametrize('imperfect', [False, True])
 def test_the_adjustment_recovers_lens_and_shape(order, imperfect):
@@ -169,6 +171,7 @@ def test_the_adjustment_recovers_lens_and_shape(order, imperfect):
     np.testing.assert_allclose(start, truth, atol=1e-5)
 
 
+@compiled_only
 def test_no_nearby_lens_shape_and_poses_have_a_lower_cost():
     stacked, poses, common = draw_bundle(LENSES['barrel'], 6)
     work, free = adjustment_work(6, COMMON), FreeTerms(1, imperfect=True).with_boards(1)
@@ -183,6 +186,7 @@ def test_no_nearby_lens_shape_and_poses_have_a_lower_cost():
         assert fill_blocks(stacked, nearby_poses, nearby, LIMIT, work) > best
 
 
+@compiled_only
 def test_an_outlier_has_no_influence():
     stacked, poses, truth = draw_bundle(LENSES['barrel'], 6)
     work, free = adjustment_work(6, COMMON), FreeTerms().with_boards(1)
@@ -210,6 +214,7 @@ def test_a_tight_prior_determines_the_centre_and_the_bow():
     np.testing.assert_allclose(common[[1, bow]], reference[[1, bow]], atol=1e-3)
 
 
+@compiled_only
 def test_a_board_that_is_taken_as_flat_keeps_its_shape():
     stacked, poses, common = draw_bundle(LENSES['barrel'], 6, shape=BOWED)
     flat = stacked._replace(basis=np.zeros_like(stacked.basis))

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose
+from p4pfr_ros.core.jit import COMPILED
 from p4pfr_ros.core.model.board_shape import BoardShape, SHAPE_SIZE
 from p4pfr_ros.scenes.camera_views import board_grid
 import pytest
@@ -119,6 +120,7 @@ def test_an_invalid_shape_is_rejected(arguments, message):
         BoardShape(**{**good, **arguments})
 
 
+@pytest.mark.skipif(not COMPILED, reason='takes long interpreted')
 def test_a_known_shape_removes_the_bias_of_a_bowed_board():
     camera = DivisionCamera(600.0, (319.5, 239.5), -0.1)
     bowed = BoardShape(
