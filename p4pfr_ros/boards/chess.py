@@ -18,6 +18,7 @@ from p4pfr_ros.boards.parts import (
     check_lengths,
     check_name,
     checkerboard_squares,
+    computed_once,
     grid_points,
     marker_corners_at,
 )
@@ -68,6 +69,7 @@ class Chessboard:
         check_name(self)
 
     @property
+    @computed_once
     def points(self) -> Array:
         """The inner corners, (rows * columns, 2) metres."""
         return grid_points(self.columns, self.rows, self.square_m)
@@ -160,6 +162,7 @@ class Charuco:
         check_name(self)
 
     @property
+    @computed_once
     def points(self) -> Array:
         """The inner corners, ((rows - 1) * (columns - 1), 2) metres."""
         return grid_points(self.columns - 1, self.rows - 1, self.square_m)
@@ -188,6 +191,7 @@ class Charuco:
         return tuple(range(len(self.marker_corners)))
 
     @property
+    @computed_once
     def marker_corners(self) -> Array:
         """The corners of each marker, (M, 4, 2) metres, clockwise from the top left."""
         white = checkerboard_squares(

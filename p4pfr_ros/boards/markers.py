@@ -21,6 +21,7 @@ from p4pfr_ros.boards.parts import (
     check_lengths,
     check_name,
     check_numbers,
+    computed_once,
     grid_points,
     marker_corners_at,
 )
@@ -107,6 +108,7 @@ class Marker(_CornerPoints):
         return (self.id,)
 
     @property
+    @computed_once
     def marker_corners(self) -> Array:
         """The marker's corners, (1, 4, 2) metres, clockwise from the top left."""
         return marker_corners_at(np.zeros((1, 2)), self.size_m)
@@ -167,6 +169,7 @@ class MarkerGrid(_CornerPoints):
         return tuple(range(self.first_id, self.first_id + self.rows * self.columns))
 
     @property
+    @computed_once
     def marker_corners(self) -> Array:
         """The corners of each marker, (M, 4, 2) metres, clockwise from the top left."""
         centres = grid_points(self.columns, self.rows, self.marker_m + self.separation_m)
