@@ -21,6 +21,7 @@ from p4pfr_ros.boards.parts import (
     check_lengths,
     check_name,
     checkerboard_squares,
+    computed_once,
     grid_points,
     marker_corners_at,
 )
@@ -71,6 +72,7 @@ class Chessboard:
         check_name(self)
 
     @property
+    @computed_once
     def points(self) -> Array:
         """The inner corners, (rows * columns, 2) metres."""
         return grid_points(self.columns, self.rows, self.square_m)
@@ -180,6 +182,7 @@ class Charuco:
         check_name(self)
 
     @property
+    @computed_once
     def points(self) -> Array:
         """The inner corners, ((rows - 1) * (columns - 1), 2) metres."""
         return grid_points(self.columns - 1, self.rows - 1, self.square_m)
@@ -210,6 +213,7 @@ class Charuco:
         return tuple(range(self.first_id, self.first_id + markers))
 
     @property
+    @computed_once
     def marker_corners(self) -> Array:
         """The corners of each marker, (M, 4, 2) metres, clockwise from the top left."""
         white = checkerboard_squares(

@@ -12,7 +12,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from p4pfr_ros.boards.parts import check_counts, check_lengths, check_name, grid_points
+from p4pfr_ros.boards.parts import (
+    check_counts,
+    check_lengths,
+    check_name,
+    computed_once,
+    grid_points,
+)
 from p4pfr_ros.boards.symmetry import turn_about_z
 from p4pfr_ros.core.geometry import Array, Pose
 
@@ -81,6 +87,7 @@ class CircleGrid:
         return self.spacing_m * (np.sqrt(2.0) if self.asymmetric else 1.0)
 
     @property
+    @computed_once
     def points(self) -> Array:
         """The centres, (rows * columns, 2) metres."""
         if not self.asymmetric:

@@ -23,6 +23,7 @@ from p4pfr_ros.boards.parts import (
     check_lengths,
     check_name,
     check_numbers,
+    computed_once,
     grid_points,
     marker_corners_at,
 )
@@ -117,6 +118,7 @@ class Marker(_CornerPoints):
         return (self.id,)
 
     @property
+    @computed_once
     def marker_corners(self) -> Array:
         """The marker's corners, (1, 4, 2) metres, clockwise from the top left."""
         return marker_corners_at(np.zeros((1, 2)), self.size_m)
@@ -185,6 +187,7 @@ class MarkerGrid(_CornerPoints):
         return tuple(range(self.first_id, self.first_id + self.rows * self.columns))
 
     @property
+    @computed_once
     def marker_corners(self) -> Array:
         """The corners of each marker, (M, 4, 2) metres, clockwise from the top left."""
         centres = grid_points(self.columns, self.rows, self.marker_m + self.separation_m)
@@ -270,6 +273,7 @@ class AprilGrid(_CornerPoints):
         return tuple(range(self.first_id, self.first_id + self.rows * self.columns))
 
     @property
+    @computed_once
     def marker_corners(self) -> Array:
         """The corners of each tag, (M, 4, 2) metres, clockwise from the top left."""
         from_the_top = grid_points(self.columns, self.rows, self._step_m)

@@ -5,10 +5,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+import functools
 import math
 from numbers import Integral, Real
 import re
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +20,24 @@ from p4pfr_ros.core.geometry import Array
 _MAX_PER_ROW, _MAX_TOTAL = 1000, 10_000
 _SHORTEST_M, _LONGEST_M = 1e-6, 1e4
 _WIDEST_BORDER = 4
+_CACHED_BOARDS = 64
 _DICTIONARY_SIZE = re.compile(r'(?<=\dX\d)_\d+$')
+
+
+BoardType = TypeVar('BoardType')
+
+
+def computed_once(points: Callable[[BoardType], Array]) -> Callable[[BoardType], Array]:
+    """Cache an array of a board, read-only: detection needs it for every image."""
+
+    @functools.lru_cache(maxsize=_CACHED_BOARDS)
+    @functools.wraps(points)
+    def cached(board: BoardType) -> Array:
+        array = points(board)
+        array.setflags(write=False)
+        return array
+
+    return cached
 
 
 def grid_points(columns: int, rows: int, step_m: float) -> Array:
