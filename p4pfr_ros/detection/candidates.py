@@ -213,8 +213,9 @@ def _inspected(
     ]
     if borders:
         width = _best_widths(grey, board, corners, ids, relative).tolist()
+        dark = dark_sides(relative).tolist()
         for m, marker_id in enumerate(ids.tolist()):
-            reasons[m] = reasons[m] or _border_reason(board, marker_id, width[m], relative[m])
+            reasons[m] = reasons[m] or _border_reason(board, marker_id, width[m], dark[m])
     return inverted, reasons
 
 
@@ -259,12 +260,11 @@ def are_legible(
     inside = relative[:, RINGS:-RINGS, RINGS:-RINGS]
     misread = (inside < 0.5) != expected_cells(board.dictionary, ids, bits)
     code = misread[:, bits:-bits, bits:-bits].mean(axis=(1, 2))
-    framed = [dark_sides(each)[0] == 0 for each in relative]
     legible: Mask = (
         (np.abs(contrast) > _MIN_CONTRAST)
         & (code <= _MISREAD_WHERE_EXPECTED)
         & (misread.mean(axis=(1, 2)) <= _MISREAD_IN_BORDER)
-        & np.array(framed, dtype=bool)
+        & (dark_sides(relative)[:, 0] == 0)
     )
     if board.inverted != 'any':
         legible &= (contrast < 0.0) == board.inverted
@@ -280,14 +280,13 @@ def _polarity_reason(board: Charuco | MarkerBoard, marker_id: int, is_inverted: 
 
 
 def _border_reason(
-    board: Charuco | MarkerBoard, marker_id: int, width: int, relative: Array
+    board: Charuco | MarkerBoard, marker_id: int, width: int, dark: list[int]
 ) -> str:
     """Return the reason if a marker reads best with another width, or dark cells are around it."""
     if width != board.border_bits:
         return _wrong_border(board, marker_id, _cells(width))
     # Dark cells all around, and a bright ring further out. Dark cells without a bright ring are
     # a narrow margin on a dark wall: the fit of the edges decides.
-    dark = dark_sides(relative)
     if dark[0] >= 3 and min(dark[1:]) <= 1:
         return _wrong_border(board, marker_id, f'more than {_cells(board.border_bits)}')
     return ''
@@ -348,7 +347,7 @@ def _read(
         misread = (code != known).sum(axis=1)
         best = int(misread.argmin())
         if misread[best] <= _MISREAD_IN_CODE * size * size:
-            dark = [sides >= 3 for sides in dark_sides(relative[m])]
+            dark = (dark_sides(relative[m : m + 1])[0] >= 3).tolist()
             beyond = dark.index(False) if False in dark else 0
             yield int(order[m]), board.marker_ids[best // 4], bool(is_inverted[m]), bits + beyond
 

@@ -46,20 +46,21 @@ def expected_cells(dictionary: str, ids: Ints, bits: int) -> Mask:
     return np.stack([marker_cells(dictionary, n, bits) for n in ids.tolist()])
 
 
-def dark_sides(relative: Array) -> list[int]:
-    """Return how many sides of each ring around a marker are dark, the innermost first."""
-    dark = []
-    n = len(relative) - 2 * RINGS
+def dark_sides(relative: Array) -> Ints:
+    """Return how many sides (M, RINGS) of each ring around markers are dark, innermost first."""
+    n = relative.shape[1] - 2 * RINGS
     along = slice(RINGS, RINGS + n)
+    rings = []
     for ring in range(1, RINGS + 1):
         low, high = RINGS - ring, RINGS + n - 1 + ring
         sides = (
-            relative[low, along],
-            relative[high, along],
-            relative[along, low],
-            relative[along, high],
+            relative[:, low, along],
+            relative[:, high, along],
+            relative[:, along, low],
+            relative[:, along, high],
         )
-        dark.append(sum(bool(np.median(side) < _DARK) for side in sides))
+        rings.append((np.median(np.stack(sides, axis=1), axis=2) < _DARK).sum(axis=1))
+    dark: Ints = np.stack(rings, axis=1)
     return dark
 
 

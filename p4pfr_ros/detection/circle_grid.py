@@ -48,6 +48,8 @@ _PAPER_FROM = 0.9
 _MIN_CONTRAST = 10.0
 _AREA_RANGE = (0.75, 1.3)
 _MAX_MISFIT_PX, _MAX_MISFIT_IN_MEDIANS = 0.5, 4.0
+# A window that is farther off its circle is moved, and the circle measured again.
+_OFF_CENTRE_PX = 0.5
 _CORRECTIONS = 2
 _OUTLINE_VERTICES = 48
 
@@ -237,11 +239,11 @@ def _centroids(
     good = np.zeros(len(points), dtype=bool)
     for n, jacobian in enumerate(jacobians):
         radii_px = 0.5 * board.diameter_m * jacobian
-        measured = _centroid(grey, centres[n], radii_px, reach)
-        if measured is not None:
-            again = _centroid(grey, measured, radii_px, reach)
-            if again is not None:
-                centres[n], good[n] = again, True
+        centroid = _centroid(grey, centres[n], radii_px, reach)
+        if centroid is not None and np.abs(centroid - centres[n]).max() > _OFF_CENTRE_PX:
+            centroid = _centroid(grey, centroid, radii_px, reach)
+        if centroid is not None:
+            centres[n], good[n] = centroid, True
     return centres, good
 
 
@@ -254,31 +256,33 @@ def _centroid(
     radii_px (2, 2): image vectors of the circle's radii along the board's axes. The window is the
     image of a circle of ``reach`` radii.
     """
-    half = reach * np.linalg.norm(radii_px, axis=1)
-    left, top = np.ceil(centre - half).astype(int)
-    right, bottom = np.floor(centre + half).astype(int) + 1
+    (a, b), (c, d) = radii_px.tolist()
+    area_px = abs(a * d - b * c)  # in units of pi
+    half = reach * np.sqrt([a * a + b * b, c * c + d * d])
+    left, top = np.ceil(centre - half).astype(int).tolist()
+    right, bottom = (np.floor(centre + half).astype(int) + 1).tolist()
     if left < 0 or top < 0 or right > grey.shape[1] or bottom > grey.shape[0]:
         return None
-    x, y = np.meshgrid(np.arange(left, right), np.arange(top, bottom))
-    offset = np.stack([x.ravel(), y.ravel()], axis=1) - centre
-    distance = np.linalg.norm(np.linalg.solve(radii_px, offset.T), axis=0)
-    chosen = distance < reach
-    offset, distance = offset[chosen], distance[chosen]
-    levels = grey[top:bottom, left:right].ravel()[chosen].astype(np.float64)
+    x = np.arange(left, right) - centre[0]
+    y = (np.arange(top, bottom) - centre[1])[:, None]
+    distance2 = ((d * x - b * y) ** 2 + (a * y - c * x) ** 2) / area_px**2
+    row, column = np.nonzero(distance2 < reach**2)
+    x, y, distance2 = x[column], y[row, 0], distance2[row, column]
+    levels = grey[top:bottom, left:right][row, column].astype(np.float64)
+    rim, core = distance2 > (_PAPER_FROM * reach) ** 2, distance2 < 0.25
+    if rim.sum() < 8 or not core.any():
+        return None
     # The paper's level varies linearly with the place, as far as light does over a circle.
-    rim = distance > _PAPER_FROM * reach
-    if rim.sum() < 8:
-        return None
-    plane = np.pad(offset, ((0, 0), (0, 1)), constant_values=1.0)
-    paper = plane @ np.linalg.lstsq(plane[rim], levels[rim], rcond=None)[0]
+    plane = np.stack([np.ones_like(x), x, y])
+    paper = np.linalg.solve(plane[:, rim] @ plane[:, rim].T, plane[:, rim] @ levels[rim]) @ plane
     ink = paper - levels
-    contrast = ink[distance < 0.5].mean() if (distance < 0.5).any() else 0.0
-    if contrast < _MIN_CONTRAST:
+    contrast = ink[core].mean()
+    total = ink.sum()
+    if contrast < _MIN_CONTRAST or not (
+        _AREA_RANGE[0] < total / (contrast * np.pi * area_px) < _AREA_RANGE[1]
+    ):
         return None
-    area = ink.sum() / contrast / (np.pi * abs(np.linalg.det(radii_px)))
-    if not _AREA_RANGE[0] < area < _AREA_RANGE[1]:
-        return None
-    centroid: Array = centre + ink @ offset / ink.sum()
+    centroid: Array = centre + plane[1:] @ ink / total
     return centroid
 
 
