@@ -81,8 +81,9 @@ LIFECYCLE_POSE_NODE = {
 
 DETECTOR_NODE = {
     'image': (
-        'The raw image, if `image.transport` is `raw`: 8 or 16 bits, grey, RGB, BGR, with or '
-        'without alpha, Bayer or YUV 4:2:2.'
+        'The raw image, if `image.transport` is `raw`: grey of 8 or 16 bits, signed or floating '
+        'point too; RGB or BGR of 8 or 16 bits, with or without alpha; Bayer; YUV 4:2:2, '
+        'NV12 or NV21.'
     ),
     'image/compressed': 'The raw image as JPEG or PNG, if `image.transport` is `compressed`.',
     'correspondences': (
@@ -91,7 +92,8 @@ DETECTOR_NODE = {
         'the image.'
     ),
     '~/image_annotated': (
-        'The image with circles around the detected points, or with the reason why there are none.'
+        'The image with circles around the detected points, or with the reason why there are '
+        'none; rejected candidates are outlined thinly, with their reasons.'
     ),
 }
 

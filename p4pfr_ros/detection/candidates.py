@@ -37,6 +37,8 @@ _CLEAR, _MUCH_CLEARER = 0.02, 0.5
 _MAX_EXPLAINED = 100
 _MIN_CELL_PX = 2.0
 _MIN_CONTRAST = 20.0  # grey levels
+# The reason of a quadrilateral that shows no code of the dictionary.
+NO_CODE = 'no code'
 # Cells of the border and of the code that may be misread, as shares of their number.
 # Where a certain marker is expected, more may be: chance spells one code less often than any.
 _MISREAD_IN_BORDER, _MISREAD_IN_CODE, _MISREAD_WHERE_EXPECTED = 0.1, 0.05, 0.12
@@ -127,7 +129,7 @@ def find_board_markers(grey: NDArray[np.uint8], board: Charuco | MarkerBoard) ->
         if reason
     ]
     empty = (
-        RejectedCandidate(quad, 'no code') for q, quad in enumerate(quads) if q not in explained
+        RejectedCandidate(quad, NO_CODE) for q, quad in enumerate(quads) if q not in explained
     )
     indices = np.array([index_of[marker_id] for marker_id in ids.tolist()], dtype=np.int64)
     order = np.flatnonzero(accepted)[np.argsort(indices[accepted], kind='stable')]
@@ -191,7 +193,7 @@ def _summary(twice: list[int], wrong: list[RejectedCandidate]) -> str:
     causes = Counter(each.reason.partition(': ')[2] for each in wrong)
     cause, count = causes.most_common(1)[0]
     first = next(each.reason for each in wrong if each.reason.endswith(cause))
-    return first if count == 1 else f'{first} (so have {count - 1} more)'
+    return first if count == 1 else f'{first} (and {count - 1} more like it)'
 
 
 def _inspected(

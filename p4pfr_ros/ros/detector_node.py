@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from p4pfr_ros.detection import detect, Detection
+from p4pfr_ros.files.images import Decoding
 from p4pfr_ros.report.drawing import annotate
 from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
@@ -47,7 +48,8 @@ class DetectorNode(Node):  # type: ignore[misc]
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__('detector_node', **node_options)
-        options = Parameters(self, DetectorNodeOptions()).options
+        self._config = Parameters(self, DetectorNodeOptions())
+        options = self._config.options
         self._boards = list(required_boards(self.get_name(), options.board_file).values())
         self._rejections = CauseLog(self.get_logger())
         self._misses = CauseLog(self.get_logger(), LoggingSeverity.INFO)
@@ -61,15 +63,27 @@ class DetectorNode(Node):  # type: ignore[misc]
         self.get_logger().info('ready')
 
     def _on_image(self, msg: Image) -> None:
-        self._process(msg.header, image_from_msg(msg))
+        if has_subscribers(self._correspondences, self._annotated):
+            self._process(msg.header, image_from_msg(msg, self._decoding))
 
     def _on_compressed(self, msg: CompressedImage) -> None:
-        self._process(msg.header, image_from_compressed(msg))
+        if has_subscribers(self._correspondences, self._annotated):
+            self._process(msg.header, image_from_compressed(msg, self._decoding))
+
+    @property
+    def _decoding(self) -> Decoding:
+        """Only the annotated image needs colour."""
+        options = self._config.options.image
+        return Decoding(
+            as_grey=not has_subscribers(self._annotated),
+            by_content=options.deep_levels == 'content',
+            max_megapixels=options.max_megapixels,
+        )
 
     def _process(self, header: Header, image: ImageArray | Rejected) -> None:
         if isinstance(image, Rejected):
             self._rejections.add(image)
-        elif has_subscribers(self._correspondences, self._annotated):
+        else:
             self._publish(header, image, [detect(image, board) for board in self._boards])
 
     def _publish(self, header: Header, image: ImageArray, detections: list[Detection]) -> None:
@@ -92,13 +106,14 @@ class DetectorNode(Node):  # type: ignore[misc]
 
 
 def _merged(detections: list[Detection]) -> Detection:
-    """Return the points of all boards; without any, the reasons of all boards."""
+    """Return points and rejected candidates of all boards; without points, all reasons."""
     is_detected = any(not detection.reason for detection in detections)
     return Detection(
         np.concatenate([detection.image_points for detection in detections]),
         np.concatenate([detection.board_points for detection in detections]),
         np.concatenate([detection.ids for detection in detections]),
         '' if is_detected else '; '.join(detection.reason for detection in detections),
+        tuple(candidate for detection in detections for candidate in detection.rejected),
     )
 
 

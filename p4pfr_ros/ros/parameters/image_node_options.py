@@ -7,13 +7,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from p4pfr_ros.files.images import DEFAULT_DECODING
+
 from .declare import parameter
 from ..conversions import LARGEST_IMAGE_PX
 
 
 @dataclass(frozen=True, slots=True)
-class TransportOptions:
-    """The topic of the images."""
+class ImageOptions:
+    """The topic of the images, and how they are decoded."""
 
     transport: str = parameter(
         'raw',
@@ -21,6 +23,18 @@ class TransportOptions:
         'on the topic image/compressed.',
         choices=('raw', 'compressed'),
         read_only=True,
+    )
+    max_megapixels: float = parameter(
+        DEFAULT_DECODING.max_megapixels,
+        'Larger images are rejected before they are decoded, millions of pixels.',
+        low=0.01,
+        high=10_000.0,
+    )
+    deep_levels: str = parameter(
+        'content',
+        'Levels of 16-bit images: content: those that the image uses become 0 to 255, if they are '
+        'less than half of the range; range: the whole range does.',
+        choices=('content', 'range'),
     )
 
 
@@ -33,7 +47,7 @@ class DetectorNodeOptions:
         'Path of the YAML file that describes the board or boards. Required.',
         read_only=True,
     )
-    image: TransportOptions = field(default_factory=TransportOptions)
+    image: ImageOptions = field(default_factory=ImageOptions)
 
 
 @dataclass(frozen=True, slots=True)
