@@ -11,10 +11,11 @@ from p4pfr_ros.files.images import DEFAULT_DECODING
 
 from .declare import parameter
 from ..conversions import LARGEST_IMAGE_PX
+from ..runtime.following import RELIABILITIES
 
 
 @dataclass(frozen=True, slots=True)
-class ImageOptions:
+class ImageTopicOptions:
     """The topic of the images, and how they are decoded."""
 
     transport: str = parameter(
@@ -22,6 +23,13 @@ class ImageOptions:
         'raw: sensor_msgs/Image on the topic image; compressed: sensor_msgs/CompressedImage '
         'on the topic image/compressed.',
         choices=('raw', 'compressed'),
+        read_only=True,
+    )
+    reliability: str = parameter(
+        'auto',
+        'QoS of the subscription: auto: as its publishers offer, reliable if all of them are; '
+        'reliable or best_effort: always. A QoS override takes precedence.',
+        choices=RELIABILITIES,
         read_only=True,
     )
     max_megapixels: float = parameter(
@@ -47,7 +55,7 @@ class DetectorNodeOptions:
         'Path of the YAML file that describes the board or boards. Required.',
         read_only=True,
     )
-    image: ImageOptions = field(default_factory=ImageOptions)
+    image: ImageTopicOptions = field(default_factory=ImageTopicOptions)
 
 
 @dataclass(frozen=True, slots=True)
