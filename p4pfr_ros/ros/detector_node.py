@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import time
 from typing import Any
 
+import cv2
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from p4pfr_ros.detection import detect, Detection
@@ -58,6 +59,7 @@ class DetectorNode(Node):  # type: ignore[misc]
         super().__init__('detector_node', **node_options)
         self._config = Parameters(self, DetectorNodeOptions())
         options = self._config.options
+        cv2.setNumThreads(options.opencv_threads)
         self._boards = list(required_boards(self.get_name(), options.board_file).values())
         self._rejections = CauseLog(self.get_logger())
         self._frame_id = ''

@@ -55,6 +55,14 @@ class DetectorNodeOptions:
         'Path of the YAML file that describes the board or boards. Required.',
         read_only=True,
     )
+    opencv_threads: int = parameter(
+        1,
+        'Threads of OpenCV in this process. More than one takes more CPU time for each image, and '
+        'gains little below 2 megapixels.',
+        low=1,
+        high=64,
+        read_only=True,
+    )
     image: ImageTopicOptions = field(default_factory=ImageTopicOptions)
 
 
