@@ -71,8 +71,7 @@ def detect(image: NDArray[np.uint8], board: Board) -> Detection:
         at_least = f'{_MIN_IMAGE_SIDE_PX}x{_MIN_IMAGE_SIDE_PX}'
         return _rejected(f'image too small: {width}x{height} px, at least {at_least} px needed')
     if isinstance(board, Chessboard):
-        ids, points = find_chessboard(grey, board)
-        reason = f'no {board.columns}x{board.rows} chessboard found'
+        ids, points, reason = find_chessboard(grey, board)
     elif isinstance(board, Charuco):
         ids, points = find_charuco(grey, board)
         reason = f'no corner of a {board.columns}x{board.rows} ChArUco board found'
