@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from p4pfr_ros.boards import MarkerBoard
 from p4pfr_ros.core.geometry import Array, Ints
 from p4pfr_ros.detection.aruco import detect_markers, marker_cells
-from p4pfr_ros.detection.marker_edges import refine_markers
+from p4pfr_ros.detection.marker_edges import FOUND, refine_markers
 
 
 def find_markers(grey: NDArray[np.uint8], board: MarkerBoard) -> tuple[Ints, Array, list[int]]:
@@ -34,8 +34,9 @@ def find_markers(grey: NDArray[np.uint8], board: MarkerBoard) -> tuple[Ints, Arr
     on_board, detected = np.nonzero(np.array(board.marker_ids)[:, None] == marker_ids)
     distinct_ids, counts = np.unique(marker_ids, return_counts=True)
     is_unique = np.isin(marker_ids[detected], distinct_ids[counts == 1])
-    cells = len(marker_cells(board.dictionary, board.marker_ids[0]))
-    refined = refine_markers(grey, corners[detected[is_unique]], cells)
-    ids = 4 * on_board[is_unique][:, None] + np.arange(4)
+    cells = np.array([marker_cells(board.dictionary, i) for i in marker_ids[detected[is_unique]]])
+    refined, status = refine_markers(grey, corners[detected[is_unique]], cells)
+    is_found = status == FOUND
+    ids = 4 * on_board[is_unique][is_found][:, None] + np.arange(4)
     duplicates = np.unique(marker_ids[detected[~is_unique]]).tolist()
-    return ids.ravel(), refined.reshape(-1, 2), duplicates
+    return ids.ravel(), refined[is_found].reshape(-1, 2), duplicates
