@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from p4pfr_ros.boards import Board, Charuco, Chessboard, MarkerGrid
+from p4pfr_ros.boards import AprilGrid, Board, Charuco, Chessboard, CircleGrid, MarkerGrid
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
 from rich.console import Console
@@ -80,9 +80,9 @@ def main(arguments: list[str] | None = None) -> int:
 _NOTES = (
     'CPU milliseconds of one thread; ours and the peer take turns on each image, so that their '
     "ratio holds on a noisy machine. The peers are OpenCV's: `findChessboardCorners` with "
-    '`cornerSubPix` (11x11), `detectMarkers` with CORNER_REFINE_SUBPIX, for the grid '
-    '`detectMarkers` alone, and `CharucoDetector`. Errors are distances from the true corners of '
-    'eight rendered views (blur 0.7 px, noise 2 grey levels).',
+    '`cornerSubPix` (11x11), `detectMarkers` with CORNER_REFINE_SUBPIX, for grids '
+    '`detectMarkers` alone, `CharucoDetector`, and `findCirclesGrid`. Errors are distances from '
+    'the true corners of eight rendered views (blur 0.7 px, noise 2 grey levels).',
 )
 
 
@@ -174,6 +174,8 @@ def _peer(board: Board) -> Callable[[Grey], Points]:
     """Return OpenCV's detector of a board: ids and pixels in the board's own numbering."""
     if isinstance(board, Chessboard):
         return lambda image: _find_chessboard(image, board)
+    if isinstance(board, CircleGrid):
+        return lambda image: _find_circles(image, board)
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
     if isinstance(board, Charuco):
         sides = board.square_m, board.marker_m
@@ -181,7 +183,8 @@ def _peer(board: Board) -> Callable[[Grey], Points]:
         charuco = cv2.aruco.CharucoDetector(opencv_board)
         return lambda image: _find_charuco(charuco, image)
     parameters = cv2.aruco.DetectorParameters()
-    if not isinstance(board, MarkerGrid):
+    parameters.markerBorderBits = board.border_bits
+    if not isinstance(board, (MarkerGrid, AprilGrid)):
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
     detector = cv2.aruco.ArucoDetector(dictionary, parameters)
     turn = -2 if 'APRILTAG' in board.dictionary else 0
@@ -200,6 +203,15 @@ def _find_chessboard(image: Grey, board: Chessboard) -> Points:
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-3)
     points = cv2.cornerSubPix(image, corners, (5, 5), (-1, -1), criteria).reshape(-1, 2)
     return np.arange(len(points)), points
+
+
+def _find_circles(image: Grey, board: CircleGrid) -> Points:
+    layout = cv2.CALIB_CB_ASYMMETRIC_GRID if board.asymmetric else cv2.CALIB_CB_SYMMETRIC_GRID
+    for flags in (layout, layout | cv2.CALIB_CB_CLUSTERING):  # as camera_calibration does
+        found, centres = cv2.findCirclesGrid(image, (board.columns, board.rows), flags=flags)
+        if found:
+            return np.arange(len(centres)), centres.reshape(-1, 2)
+    return np.empty(0, dtype=np.int64), np.empty((0, 2))
 
 
 def _find_charuco(charuco: Any, image: Grey) -> Points:

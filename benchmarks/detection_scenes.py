@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros import DivisionCamera, Pose
-from p4pfr_ros.boards import Board, Charuco, Chessboard, Marker, MarkerGrid
+from p4pfr_ros.boards import AprilGrid, Board, Charuco, Chessboard, CircleGrid, Marker, MarkerGrid
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.rendering import Renderer
 
@@ -35,6 +35,11 @@ BOARDS: dict[str, Board] = {
     ),
     'ChArUco 5x7': Charuco(
         columns=5, rows=7, square_m=0.035, marker_m=0.026, dictionary='DICT_4X4_50'
+    ),
+    'Kalibr grid 6x6': AprilGrid(columns=6, rows=6, tag_m=0.03, spacing=0.3),
+    'circles 7x5': CircleGrid(columns=7, rows=5, spacing_m=0.03, diameter_m=0.018),
+    'circles 4x11': CircleGrid(
+        columns=4, rows=11, spacing_m=0.02, diameter_m=0.012, asymmetric=True
     ),
 }
 

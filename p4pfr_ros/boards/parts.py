@@ -19,6 +19,7 @@ from p4pfr_ros.core.geometry import Array
 
 _MAX_PER_ROW, _MAX_TOTAL = 1000, 10_000
 _SHORTEST_M, _LONGEST_M = 1e-6, 1e4
+_WIDEST_BORDER = 4
 _CACHED_BOARDS = 64
 _DICTIONARY_SIZE = re.compile(r'(?<=\dX\d)_\d+$')
 
@@ -137,6 +138,22 @@ def check_dictionary(board: Any) -> None:
             f"dictionary: expected the name of an OpenCV dictionary, such as 'DICT_4X4_50', "
             f'got {board.dictionary!r}'
         )
+
+
+def check_border(board: Any) -> None:
+    """Raise ValueError unless the width of the markers' black border is an integer, 1 to 4."""
+    value = board.border_bits
+    if not _is_integer(value) or not 1 <= value <= _WIDEST_BORDER:
+        raise ValueError(
+            f'border_bits: expected an integer from 1 to {_WIDEST_BORDER} (cells), got {value!r}'
+        )
+
+
+def check_inverted(board: Any) -> None:
+    """Raise ValueError unless inverted is True, False or 'any'."""
+    value = board.inverted
+    if not (isinstance(value, bool) or value == 'any'):
+        raise ValueError(f'inverted: expected true, false or any, got {value!r}')
 
 
 def check_name(board: Any) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 import json
 from pathlib import Path
@@ -37,7 +37,7 @@ from p4pfr_ros.cli.terminal import print_table, with_progress
 from p4pfr_ros.core.cameras.camera_info import MAX_NUMBER
 from p4pfr_ros.detection import detect
 from p4pfr_ros.files.boards import load_board
-from p4pfr_ros.files.images import image_or_reason, write_image
+from p4pfr_ros.files.images import Decoding, image_or_reason, ImageArray, write_image
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.report.drawing import annotate
 
@@ -57,6 +57,9 @@ names how the estimation ended.
 An image without an estimate has the keys image and reason and, if the board
 was detected, status.
 """
+_DRAW_HELP = (
+    'write images with corners and pose to DIR; rejected candidates are outlined, with the reason'
+)
 _HEADINGS = (
     'image',
     'x y z, m',
@@ -107,7 +110,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add = parser.add_argument
     add('images', nargs='+', type=Path, metavar='IMAGE', help='image, or directory of images')
     add('--board', required=True, metavar='FILE', help='board file (YAML)')
-    add('--draw', type=Path, metavar='DIR', help='write images with corners and pose to DIR')
+    add('--draw', type=Path, metavar='DIR', help=_DRAW_HELP)
     add('--json', action='store_true', help='print JSON lines instead of a table')
     add(
         '--center',
@@ -221,11 +224,12 @@ def _estimate(
         The drawing cannot be written.
 
     """
-    image = image_or_reason(path)
+    image = image_or_reason(path, Decoding(as_grey=draw_folder is None))
     if isinstance(image, str):
         return FailedImage(path, image)
     detection = detect(image, board)
     if detection.reason:
+        _draw(draw_folder, path, image, detection)
         return FailedImage(path, detection.reason)
     height, width = image.shape[:2]
     estimate = estimate_pose(
@@ -237,11 +241,17 @@ def _estimate(
     )
     estimate, _ = with_turned_poses(estimate, board.turns)
     if estimate.model is None:
+        failed = replace(detection, reason=estimate.status.value)
+        _draw(draw_folder, path, image, failed)
         return FailedImage(path, estimate.status.value, estimate.status)
-    if draw_folder:
-        drawing = annotate(image, detection, estimate.model, board)
-        write_image(draw_folder / f'{path.stem}_pose.png', drawing)
+    _draw(draw_folder, path, image, detection, estimate.model, board)
     return ImageEstimate(path, (width, height), estimate.model, estimate)
+
+
+def _draw(folder: Path | None, path: Path, image: ImageArray, *drawn: Any) -> None:
+    """Write the annotated image, if a folder is given; drawn: further arguments of `annotate`."""
+    if folder is not None:
+        write_image(folder / f'{path.stem}_pose.png', annotate(image, *drawn))
 
 
 def _print_json(result: ImageEstimate | FailedImage) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.boards import Charuco
 from p4pfr_ros.core.geometry import Array, Ints, Mask
-from p4pfr_ros.detection.aruco import detect_markers
+from p4pfr_ros.detection.candidates import BoardMarkers, find_board_markers
 from p4pfr_ros.detection.saddles import refine_saddles
 
 # Predictions of one corner that differ by more, in squares, come from a misdetected marker.
@@ -28,24 +28,33 @@ _MAX_DISAGREEMENT_IN_SQUARES = 0.25
 _RADIUS_IN_GAPS = 1.0
 
 
-def find_charuco(grey: NDArray[np.uint8], board: Charuco) -> tuple[Ints, Array]:
-    """Find a board's corners in an image (h, w): ids (N,) and corners (N, 2) px."""
-    corners, marker_ids = detect_markers(grey, board.dictionary)
-    on_board = (marker_ids < len(board.marker_ids)) & _is_proper(corners)
-    corners, marker_ids = corners[on_board], marker_ids[on_board]
-    ids, predicted, along, across = _predict(board, corners, marker_ids)
+def find_charuco(grey: NDArray[np.uint8], board: Charuco) -> tuple[Ints, Array, BoardMarkers]:
+    """
+    Find a board's corners in an image (h, w).
+
+    Returns
+    -------
+    Ids (N,) (indices in the board's points), corners (N, 2) px, and the markers with what was
+    rejected.
+
+    """
+    markers = find_board_markers(grey, board)
+    proper = _is_proper(markers.corners)
+    ids, predicted, along, across = _predict(
+        board, markers.corners[proper], markers.indices[proper]
+    )
     if not len(ids):
-        return ids, predicted
+        return ids, predicted, markers
     gap = 0.5 * (1.0 - board.marker_m / board.square_m) * np.sqrt(2.0)
     radius = min(_RADIUS_IN_GAPS * gap, 0.45)
     saddles = refine_saddles(grey, predicted, along, across, radius)
-    return ids[saddles.good], saddles.points[saddles.good]
+    return ids[saddles.good], saddles.points[saddles.good], markers
 
 
-def _predict(board: Charuco, corners: Array, marker_ids: Ints) -> tuple[Ints, Array, Array, Array]:
+def _predict(board: Charuco, corners: Array, indices: Ints) -> tuple[Ints, Array, Array, Array]:
     """Return ids (N,), corners (N, 2) and the two sides of a square there, (N, 2) each, in px."""
-    marker, corner = np.nonzero(_touching(board)[marker_ids])
-    homographies = _homographies(board.marker_corners[marker_ids], corners)[marker]
+    marker, corner = np.nonzero(_touching(board)[indices])
+    homographies = _homographies(board.marker_corners[indices], corners)[marker]
     # Steps of a tenth of a square give the local directions of the sides.
     steps = 0.1 * board.square_m * np.array([[0, 0], [1, 0], [0, 1]])
     predicted = _apply(homographies, board.points[corner][:, None] + steps)

@@ -14,11 +14,21 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros.boards import Board, Bundle, Charuco, Chessboard, Marker, MarkerBoard
+from p4pfr_ros.boards import (
+    Board,
+    Bundle,
+    Charuco,
+    Chessboard,
+    CircleGrid,
+    Marker,
+    MarkerBoard,
+)
 from p4pfr_ros.core.geometry import Array, Ints
 from p4pfr_ros.detection.aruco import check_markers
+from p4pfr_ros.detection.candidates import RejectedCandidate
 from p4pfr_ros.detection.charuco import find_charuco
 from p4pfr_ros.detection.chessboard import find_chessboard
+from p4pfr_ros.detection.circle_grid import find_circle_grid
 from p4pfr_ros.detection.markers import find_markers
 
 # OpenCV's detectors raise on smaller images, in which no board could be resolved anyway.
@@ -42,6 +52,8 @@ class Detection:
         Their indices in the board's ``points``.
     reason
         Why there are no points, or too few for a pose (then N is 0); empty on success.
+    rejected
+        What looked like a part of the board, and why it is not.
 
     """
 
@@ -49,6 +61,7 @@ class Detection:
     board_points: Array
     ids: Ints
     reason: str = ''
+    rejected: tuple[RejectedCandidate, ...] = ()
 
 
 def detect(image: NDArray[np.uint8], board: Board) -> Detection:
@@ -70,21 +83,27 @@ def detect(image: NDArray[np.uint8], board: Board) -> Detection:
         height, width = grey.shape
         at_least = f'{_MIN_IMAGE_SIDE_PX}x{_MIN_IMAGE_SIDE_PX}'
         return _rejected(f'image too small: {width}x{height} px, at least {at_least} px needed')
+    rejected: tuple[RejectedCandidate, ...] = ()
     if isinstance(board, Chessboard):
         ids, points, reason = find_chessboard(grey, board)
+    elif isinstance(board, CircleGrid):
+        ids, points = find_circle_grid(grey, board)
+        reason = f'no grid of {board.columns}x{board.rows} circles found'
     elif isinstance(board, Charuco):
-        ids, points = find_charuco(grey, board)
-        reason = f'no corner of a {board.columns}x{board.rows} ChArUco board found'
+        ids, points, markers = find_charuco(grey, board)
+        reason = markers.reason or (
+            f'no corner of a {board.columns}x{board.rows} ChArUco board found'
+        )
+        rejected = markers.rejected
     else:
-        ids, points, duplicates = find_markers(grey, board)
-        reason = _no_marker_reason(board)
-        if duplicates:
-            reason = f'marker {duplicates[0]} detected more than once'
+        ids, points, markers = find_markers(grey, board)
+        reason = markers.reason or _no_marker_reason(board)
+        rejected = markers.rejected
     if len(ids) >= _MIN_POINTS:
-        return Detection(points, board.points[ids], ids)
+        return Detection(points, board.points[ids], ids, rejected=rejected)
     if len(ids):
         reason = f'only {len(ids)} points of the board found, at least {_MIN_POINTS} needed'
-    return _rejected(reason)
+    return _rejected(reason, rejected)
 
 
 def _as_grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -96,8 +115,9 @@ def _as_grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.ascontiguousarray(image.reshape(shape[:2]))
 
 
-def _rejected(reason: str) -> Detection:
-    return Detection(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=np.int64), reason)
+def _rejected(reason: str, rejected: tuple[RejectedCandidate, ...] = ()) -> Detection:
+    none = np.empty((0, 2))
+    return Detection(none, none, np.empty(0, dtype=np.int64), reason, rejected)
 
 
 def _no_marker_reason(board: MarkerBoard) -> str:

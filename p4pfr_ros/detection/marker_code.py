@@ -40,9 +40,7 @@ def perspective(corners: Array) -> tuple[float, float]:
 
 
 @kernel
-def point_in_square(
-    corners: Array, g: float, h: float, s: float, t: float
-) -> tuple[float, float]:
+def point_in_square(corners: Array, g: float, h: float, s: float, t: float) -> tuple[float, float]:
     """Return the pixel of (s, t) in the unit square, from corner 0 to 1 and from 0 to 3."""
     # Corner 1 is (column 1 + column 3) / (1 + g) of the homography, corner 3 likewise.
     of_s, of_t, w = s * (1.0 + g), t * (1.0 + h), 1.0 + g * s + h * t

@@ -9,34 +9,115 @@ This module stands alone, as each finder of a family of boards does.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.boards import MarkerBoard
-from p4pfr_ros.core.geometry import Array, Ints
-from p4pfr_ros.detection.aruco import detect_markers, marker_cells
-from p4pfr_ros.detection.marker_edges import FOUND, refine_markers
+from p4pfr_ros.core.geometry import Array, Ints, Mask
+from p4pfr_ros.detection.aruco import marker_cells
+from p4pfr_ros.detection.candidates import (
+    are_legible,
+    BoardMarkers,
+    find_board_markers,
+    rechecked,
+)
+from p4pfr_ros.detection.marker_edges import NO_EDGES, OTHER_CODE, refine_markers
+
+# Why a marker is not found at its fitted edges.
+_FAILURES = {
+    NO_EDGES: 'not dark inside and bright outside along its edges (narrow margin, or covered)',
+    OTHER_CODE: 'its code is not at its fitted edges',
+}
+# Markers whose corners predict the place of another one.
+_NEIGHBOURS = 4
 
 
-def find_markers(grey: NDArray[np.uint8], board: MarkerBoard) -> tuple[Ints, Array, list[int]]:
+def find_markers(grey: NDArray[np.uint8], board: MarkerBoard) -> tuple[Ints, Array, BoardMarkers]:
     """
     Find a board's markers in an image (h, w).
 
-    Markers that are not on the board are ignored. If an id is detected more than once, it is
-    ambiguous which marker belongs to the board, so all markers with that id are left out.
-
     Returns
     -------
-    Ids (N,) (indices in the board's points), corners (N, 2) px, and the duplicate marker ids.
+    Ids (N,) (indices in the board's points), corners (N, 2) px, and the markers with what was
+    rejected.
 
     """
-    corners, marker_ids = detect_markers(grey, board.dictionary)
-    # Pairs of equal ids, in the board's order: index on the board, index among the detections.
-    on_board, detected = np.nonzero(np.array(board.marker_ids)[:, None] == marker_ids)
-    distinct_ids, counts = np.unique(marker_ids, return_counts=True)
-    is_unique = np.isin(marker_ids[detected], distinct_ids[counts == 1])
-    cells = np.array([marker_cells(board.dictionary, i) for i in marker_ids[detected[is_unique]]])
-    refined, status = refine_markers(grey, corners[detected[is_unique]], cells)
-    is_found = status == FOUND
-    ids = 4 * on_board[is_unique][is_found][:, None] + np.arange(4)
-    duplicates = np.unique(marker_ids[detected[~is_unique]]).tolist()
-    return ids.ravel(), refined[is_found].reshape(-1, 2), duplicates
+    markers = find_board_markers(grey, board)
+    corners, failures = _refined(grey, board, markers.corners, markers.indices, markers.inverted)
+    markers = rechecked(grey, board, markers, corners, failures)
+    if 0 < len(markers.indices) < len(board.marker_ids):
+        markers = _completed(grey, board, markers)
+    ids = 4 * markers.indices[:, None] + np.arange(4)
+    return ids.ravel(), markers.corners.reshape(-1, 2), markers
+
+
+def _completed(grey: NDArray[np.uint8], board: MarkerBoard, markers: BoardMarkers) -> BoardMarkers:
+    """
+    Look for the other markers where the board has them; return all.
+
+    OpenCV finds a marker only if its outline is a closed curve, which neighbours that touch it,
+    blur and glare prevent. Its place follows from the markers around it, and its code is read.
+    """
+    found = dict(zip(markers.indices.tolist(), markers.corners, strict=True))
+    inverted = bool(markers.inverted.all())
+    size = np.array(grey.shape[::-1])
+    left = [
+        n for n, i in enumerate(board.marker_ids) if n not in found and i not in markers.repeated
+    ]
+    while left:
+        predicted = np.array([_predicted(board, found, n) for n in left])
+        visible = ((predicted >= 0.0) & (predicted <= size - 1.0)).all(axis=(1, 2))
+        tried, quads = np.array(left)[visible], predicted[visible]
+        if not len(tried):
+            break
+        legible = are_legible(grey, board, quads, tried)
+        tried, quads = tried[legible], quads[legible]
+        refined, _ = _refined(grey, board, quads, tried, np.full(len(tried), inverted))
+        fitted = np.isfinite(refined).all(axis=(1, 2))
+        new = dict(zip(tried[fitted].tolist(), refined[fitted], strict=True))
+        if not new:
+            break
+        found |= new
+        left = [n for n in left if n not in new]
+    order = sorted(found)
+    return replace(
+        markers,
+        corners=np.array([found[n] for n in order]),
+        indices=np.array(order, dtype=np.int64),
+        inverted=np.full(len(order), inverted),
+    )
+
+
+def _predicted(board: MarkerBoard, found: dict[int, Array], index: int) -> Array:
+    """Return the corners (4, 2) px of a marker as the nearest found markers suggest."""
+    on_board = board.marker_corners
+    known = np.array(list(found))
+    distance = np.linalg.norm(on_board[known].mean(axis=1) - on_board[index].mean(axis=0), axis=1)
+    nearest = known[np.argsort(distance)[:_NEIGHBOURS]]
+    homography, _ = cv2.findHomography(
+        on_board[nearest].reshape(-1, 2), np.concatenate([found[n] for n in nearest.tolist()])
+    )
+    if homography is None:
+        return np.full((4, 2), -1.0)
+    return np.asarray(cv2.perspectiveTransform(on_board[index][:, None], homography)[:, 0])
+
+
+def _refined(
+    grey: NDArray[np.uint8], board: MarkerBoard, corners: Array, indices: Ints, inverted: Mask
+) -> tuple[Array, list[str]]:
+    """Refine markers (M, 4, 2): NaN and the reason where one is not found; '' where it is."""
+    ids = [board.marker_ids[n] for n in indices.tolist()]
+    cells = [marker_cells(board.dictionary, each, board.border_bits) for each in ids]
+    refined, status = np.full_like(corners, np.nan), np.full(len(corners), NO_EDGES)
+    for is_inverted, image in ((False, grey), (True, 255 - grey if inverted.any() else grey)):
+        chosen = np.flatnonzero(inverted == is_inverted)
+        if len(chosen):
+            chosen_cells = np.array([cells[n] for n in chosen.tolist()])
+            refined[chosen], status[chosen] = refine_markers(image, corners[chosen], chosen_cells)
+    failures = [
+        f'marker {marker_id}: {_FAILURES[each]}' if each in _FAILURES else ''
+        for marker_id, each in zip(ids, status.tolist(), strict=True)
+    ]
+    return refined, failures

@@ -3,9 +3,12 @@
 
 """Annotated and undistorted images."""
 
+import dataclasses
+
 from board_views import BOARDS, CAMERAS, CENTER, distance_m, project, seen_from, SIZE
 import cv2
 import numpy as np
+from p4pfr_ros.boards import Marker
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.minimal.solution import Solution
 from p4pfr_ros.detection import detect
@@ -61,6 +64,25 @@ def test_a_reason_is_written_and_the_input_is_unchanged():
     assert drawn[:30].max() > 200  # letters, on a bar that is darker than the image
     assert drawn[:30].min() < 30
     assert (drawn[40:] == 90).all()
+
+
+def test_rejected_candidates_are_outlined_with_their_reason():
+    """A marker that is not on the board, beside a detected board and alone."""
+    other = Marker(id=40, size_m=0.05, dictionary=BOARD.dictionary)
+    pose = seen_from(0.4, (0.3, 0.2), 0.2, (-0.4, -0.25))
+    alone = render(other, CAMERA, pose, SIZE)
+    both = render(BOARD, CAMERA, POSE, SIZE, background=alone.astype(float))
+    outline = project(CAMERA, pose, other.points)
+    for image, has_points in ((both, True), (alone, False)):
+        detection = detect(image, BOARD)
+        assert len(detection.ids) > 0 or not has_points
+        drawn = annotate(image, detection)
+        plain = annotate(image, dataclasses.replace(detection, rejected=()))
+        assert near(drawn, image, outline, 4).all()
+        changed = np.argwhere((drawn != plain).any(axis=2))[:, ::-1]
+        # The outline and the text above it.
+        assert (changed.min(axis=0) > outline.min(axis=0) - 30).all() or not has_points
+        assert len(changed) > 150
 
 
 def test_a_board_partly_behind_the_camera_is_drawn():

@@ -4,8 +4,10 @@
 """detector_node over DDS: images in, points of boards out."""
 
 from array import array
+import itertools
 
 import cv2
+from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from p4pfr_ros import Pose
 from p4pfr_ros.boards import Bundle, Chessboard, PlacedMarker
@@ -171,6 +173,30 @@ def test_the_annotated_image_is_published_to_subscribers(client):
     changed = (drawn != IMAGE[..., None]).any(axis=-1)
     column, row = np.rint(scenes.project(BOARD.points[:1])[0]).astype(int)
     assert changed[row - 6 : row + 7, column - 6 : column + 7].any()
+
+
+def test_missing_images_are_reported_on_diagnostics(client):
+    """Every fourth image of a stream at 20 per second is missing."""
+    statuses = client.peer.subscribe(DiagnosticArray, '/diagnostics')
+    numbers = itertools.count()
+
+    def publish():
+        number = next(numbers)
+        if number < 12 or number % 4:
+            header = scenes.header(100)
+            header.stamp.sec += number // 20
+            header.stamp.nanosec = number % 20 * 50_000_000
+            client.image.publish(image_msg(header, EMPTY))
+
+    def messages():
+        ours = f'{client.peer.namespace[1:]}/detector_node: images'
+        return [s.message for msg in statuses for s in msg.status if s.name == ours]
+
+    client.peer.until(
+        lambda: any('images are missing in the last 10 s' in text for text in messages()),
+        meanwhile=publish,
+        every_s=0.05,
+    )
 
 
 def test_without_a_subscriber_no_image_is_annotated(peer, tmp_path, monkeypatch):
