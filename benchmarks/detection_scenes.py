@@ -54,6 +54,8 @@ _VIEWS = (
     ((-0.3, -0.3), 1.5, 3.0, (0.2, 0.1)),
     ((0.1, 0.7), 0.1, 2.2, (0.0, 0.0)),
 )
+# Rows and columns of a computer screen in the photographs, which shows the board, too.
+_SCREEN = slice(190, 410), slice(0, 150)
 _BLUR_SIGMA_PX, _NOISE_SIGMA = 0.7, 2.0
 
 
@@ -91,17 +93,24 @@ def _poses(board: Board) -> Iterator[Pose]:
 
 
 def contents(size: tuple[int, int]) -> dict[str, list[Grey]]:
-    """Make images without a board: photographs, blocks, and patterns that are hard to search."""
+    """Make images without a board: photographs, textures and blocks."""
+    rng = np.random.default_rng(5)
+    return {
+        'photographs': _photographs(size),
+        'cloud texture': [_clouds(rng, size) for _ in range(2)],
+        'blocks at random': [_rectangles(rng, size) for _ in range(2)],
+        'mosaic of blocks': [_mosaic(rng, size, side) for side in (8, 20)],
+    }
+
+
+def hard_contents(size: tuple[int, int]) -> dict[str, list[Grey]]:
+    """Make images full of structure, on which a search may lose itself."""
     width, height = size
     rng = np.random.default_rng(5)
     y, x = np.indices((height, width))
     chequer = ((x + y) % 2 * 255).astype(np.uint8)
     grating = _as_levels(127.5 + 100.0 * np.sin(0.7 * x + 0.3 * y))
     return {
-        'photographs': _photographs(size),
-        'cloud texture': [_clouds(rng, size) for _ in range(2)],
-        'blocks at random': [_rectangles(rng, size) for _ in range(2)],
-        'mosaic of blocks': [_mosaic(rng, size, side) for side in (8, 20)],
         'noise': [rng.integers(0, 256, (height, width), dtype=np.uint8)],
         'blurred noise': [_blurred_noise(rng, size)],
         'grating': [grating],
@@ -131,6 +140,7 @@ def _without_board(path: Path) -> Grey:
         (0, 0, 1, 1), (0, 8, 1, 7), (5, 8, 4, 7), (5, 0, 4, 1))])  # fmt: skip
     mask = np.zeros_like(image)
     cv2.fillConvexPoly(mask, np.rint(outer).astype(np.int32), 255)
+    mask[_SCREEN] = 255
     return np.asarray(cv2.inpaint(image, mask, 3.0, cv2.INPAINT_TELEA), dtype=np.uint8)
 
 

@@ -66,7 +66,7 @@ class Chessboard:
     name: str = 'board'
 
     def __post_init__(self) -> None:
-        # OpenCV's detector needs three corners in each direction.
+        # Fewer are no lattice that one could tell from clutter.
         check_counts(self, at_least=3)
         check_lengths(self, 'square_m')
         check_name(self)

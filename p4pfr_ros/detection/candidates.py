@@ -144,11 +144,21 @@ def find_board_markers(grey: NDArray[np.uint8], board: Charuco | MarkerBoard) ->
 
 
 def rechecked(
-    grey: NDArray[np.uint8], board: MarkerBoard, markers: BoardMarkers, corners: Array
+    grey: NDArray[np.uint8],
+    board: MarkerBoard,
+    markers: BoardMarkers,
+    refined: Array,
+    failures: list[str],
 ) -> BoardMarkers:
-    """Return the markers with refined corners, without those that read otherwise there."""
+    """
+    Return the markers with refined corners, without those that read otherwise there.
+
+    failures (M,) say why a marker could not be refined; a wrong border is the better reason.
+    """
     ids = np.array(board.marker_ids)[markers.indices]
+    corners = np.where(np.isfinite(refined), refined, markers.corners)
     _, reasons = _inspected(grey, board, corners, ids, borders=True)
+    reasons = [reason or failure for reason, failure in zip(reasons, failures, strict=True)]
     wrong = [RejectedCandidate(*each) for each in zip(corners, reasons, strict=True) if each[1]]
     accepted = np.array([not reason for reason in reasons], dtype=bool)
     if _are_mostly_wide(reasons):

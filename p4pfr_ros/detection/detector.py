@@ -85,8 +85,7 @@ def detect(image: NDArray[np.uint8], board: Board) -> Detection:
         return _rejected(f'image too small: {width}x{height} px, at least {at_least} px needed')
     rejected: tuple[RejectedCandidate, ...] = ()
     if isinstance(board, Chessboard):
-        ids, points = find_chessboard(grey, board)
-        reason = f'no {board.columns}x{board.rows} chessboard found'
+        ids, points, reason = find_chessboard(grey, board)
     elif isinstance(board, CircleGrid):
         ids, points = find_circle_grid(grey, board)
         reason = f'no grid of {board.columns}x{board.rows} circles found'

@@ -16,10 +16,11 @@ from __future__ import annotations
 
 from functools import cache
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.core.geometry import Array, Ints
 from p4pfr_ros.core.jit import kernel
 from p4pfr_ros.detection.fitting import (
     accept_trial,
@@ -32,6 +33,10 @@ from p4pfr_ros.detection.fitting import (
     sharpness,
     tanh,
 )
+from p4pfr_ros.detection.marker_code import perspective, point_in_square, reads
+
+# Outcomes of a refinement.
+NO_EDGES, OTHER_CODE, FOUND = 0, 1, 2
 
 # Number of sample rows along an edge, and of samples per row. Each row is shifted against the one
 # before by this fraction of the sample spacing, the golden ratio, so that all rows together
@@ -47,13 +52,13 @@ _LEAST_EXCLUDED, _MOST_EXCLUDED = 0.03, 0.08
 # the previous fit.
 _STRIP_IN_CELLS = 0.75
 _MIN_STRIP_PX = 1.5
-_MAX_STRIP_PX = (30.0, 5.0, 5.0)
-_ITERATIONS = (10, 4, 4)
+_MAX_STRIP_PX = (30.0, 5.0, 5.0, 5.0, 5.0)
+_ITERATIONS = (10, 4, 4, 4, 4)
 # Strong damping keeps the first steps short: long ones lose a strongly bent edge.
 _FIRST_DAMPING = 1e-2
 # A fit ends early after a step as short as this, pixels. The earlier passes only place the strip
 # of the last one.
-_CONVERGED_PX = (1e-4, 1e-5, 1e-7)
+_CONVERGED_PX = (1e-4, 1e-5, 1e-7, 1e-7, 1e-7)
 # On shorter edges, the noise outweighs the gain of a cubic over a parabola, pixels.
 _MIN_CUBIC_PX = 80.0
 _INTERSECTION_STEPS = 4
@@ -61,39 +66,77 @@ _INTERSECTION_STEPS = 4
 # residual, relative to the contrast.
 _MIN_CONTRAST = 4.0
 _MAX_RESIDUAL = 0.5
-# Largest accepted shift of a corner: half a cell; for small cells a whole cell, within these
-# limits in pixels.
-_LEAST_SHIFT_PX, _MOST_SHIFT_PX = 2.0, 3.0
+# Cells may be smaller than the errors of the initial corners, pixels.
+_LEAST_SHIFT_PX = 2.0
+# After a larger shift, the edges are fitted again, from there.
+_RESTART_PX, _MAX_RESTARTS = 2.0, 3
+
+# Dark inside and bright outside: the least difference of the means of both sides, in each of so
+# many parts of an edge, in contrasts (half differences), of which 2 is a sharp edge. A part in
+# shadow has less.
+_PARTS, _MIN_STEP = 6, 0.4
+# Where the image outside of an edge is darker than so much of the contrast, the margin ends.
+_MIN_BRIGHTNESS = 0.6
+# In a narrower margin blur leaves no white, and the fit is biased.
+_MIN_MARGIN_PX = 2.0
+# Widths of the margin, in cells, of which the outer edge may have been taken for the marker's.
+_MARGINS_IN_CELLS = (0.0, 0.12, 0.2, 0.3, 0.45, 0.65, 0.85, 1.1)
 
 # Columns of an edge's frame: midpoint, unit directions along and across (out of the marker), and
 # half the length, pixels.
 _MIDDLE, _ALONG, _ACROSS, _HALF = 0, 2, 4, 6
 
 
-def refine_markers(grey: NDArray[np.uint8], corners: Array, cells: int) -> Array:
+def refine_markers(
+    grey: NDArray[np.uint8], corners: Array, cells: NDArray[np.bool_]
+) -> tuple[Array, Ints]:
     """
-    Refine the corners of black markers on white.
+    Refine the corners of black markers on white, and check that the markers are there.
+
+    A quadrilateral with a readable code is evidence of a marker, not of its place: it may be the
+    edge of the paper around the marker. At the place of the fitted edges, the image must be dark
+    inside and bright outside along each of them, and the code must be the marker's.
 
     Parameters
     ----------
     grey : (h, w) array
         The image.
     corners : (M, 4, 2) array
-        Initial corners, accurate to a pixel or two, clockwise.
-    cells
-        Number of cells per side of a marker, black border included.
+        Initial corners, accurate to a pixel or two, clockwise from the top left of the code.
+    cells : (M, n, n) array
+        The cells of each marker, border included; True where black.
 
     Returns
     -------
-    The refined corners (M, 4, 2). A marker with an edge that cannot be fitted keeps its corners.
+    The refined corners (M, 4, 2), NaN where not found, and whether each was found (M,): `FOUND`,
+    `NO_EDGES` or `OTHER_CODE`.
 
     """
     start = np.ascontiguousarray(corners, dtype=np.float64)
-    refined = start.copy()
+    refined, status = np.full_like(start, np.nan), np.empty(len(start), np.int64)
+    if not len(start):
+        return refined, status
     pixels = _ROWS * _SAMPLES_PER_ROW
-    scratch = np.empty((4, pixels)), np.empty((4, 7)), np.empty((4, 4))
-    _refine(grey, start, cells, _unit_samples(), *scratch, room(pixels), refined)
-    return refined
+    scratch = _Scratch(
+        np.empty((4, 2)), np.empty((4, pixels)), np.empty((4, 7)), np.empty((4, 7)), room(pixels)
+    )
+    _refine(grey, start, np.ascontiguousarray(cells), _unit_samples(), scratch, refined, status)
+    return refined, status
+
+
+class _Scratch(NamedTuple):
+    """
+    Workspace for one marker.
+
+    ``start`` (4, 2) are the initial corners, ``samples`` (4, m) those of one strip, ``frames``
+    (4, 7) those of the edges, and ``edges`` (4, 7) their fitted parameters.
+    """
+
+    start: Array
+    samples: Array
+    frames: Array
+    edges: Array
+    room: Room
 
 
 @cache
@@ -114,36 +157,70 @@ def _unit_samples() -> Array:
 def _refine(
     grey: NDArray[np.uint8],
     corners: Array,
-    cells: int,
+    cells: NDArray[np.bool_],
     unit: Array,
-    samples: Array,
-    frames: Array,
-    curves: Array,
-    room: Room,
+    scratch: _Scratch,
     refined: Array,
+    status: Ints,
 ) -> None:
-    """
-    Refine M markers; those that cannot be fitted are left as they are in ``refined``.
-
-    samples (4, m), frames (4, 7) and curves (4, 4) are workspace.
-    """
+    """Refine M markers; those that are not found keep NaN in ``refined``."""
     for n in range(len(corners)):
-        shortest_px = _write_frames(corners[n], frames)
-        if not _fit_edges(grey, corners[n], cells, unit, samples, frames, curves, room):
-            continue
-        # A corner that moved far belongs to a fit of some other edge.
-        cell_px = shortest_px / cells
-        limit_px = max(min(max(cell_px, _LEAST_SHIFT_PX), _MOST_SHIFT_PX), 0.5 * cell_px)
-        _intersect(frames, curves, refined[n])
-        near = True
-        for i in range(4):
-            shift_px = math.hypot(
-                refined[n, i, 0] - corners[n, i, 0], refined[n, i, 1] - corners[n, i, 1]
-            )
-            near = near and shift_px < limit_px
+        status[n] = NO_EDGES
+        for turn in range(len(_MARGINS_IN_CELLS)):
+            margin = _MARGINS_IN_CELLS[turn]
+            count = cells.shape[1]
+            _shrink(corners[n], count / (count + 2.0 * margin), scratch.start)
+            # The strip must not be wider than the margin that is assumed.
+            widest = margin if margin > 0.0 else _STRIP_IN_CELLS
+            outcome = _refine_one(grey, cells[n], widest, unit, scratch, refined[n])
+            status[n] = max(status[n], outcome)
+            if outcome == FOUND:
+                break
         for i in range(4):
             for j in range(2):
-                refined[n, i, j] = refined[n, i, j] if near else corners[n, i, j]
+                refined[n, i, j] = refined[n, i, j] if status[n] == FOUND else math.nan
+
+
+@kernel
+def _shrink(corners: Array, scale: float, shrunk: Array) -> None:
+    """Write the corners of a square of so much of the side within the square in the image."""
+    g, h = perspective(corners)
+    inset = 0.5 * (1.0 - scale)
+    for i in range(4):
+        across = inset if i == 0 or i == 3 else 1.0 - inset
+        down = inset if i < 2 else 1.0 - inset
+        shrunk[i, 0], shrunk[i, 1] = point_in_square(corners, g, h, across, down)
+
+
+@kernel
+def _refine_one(
+    grey: NDArray[np.uint8],
+    cells: NDArray[np.bool_],
+    widest: float,
+    unit: Array,
+    scratch: _Scratch,
+    refined: Array,
+) -> int:
+    """Refine one marker from ``scratch.start`` and check it."""
+    start, frames = scratch.start, scratch.frames
+    for _ in range(_MAX_RESTARTS):
+        cell_px = _write_frames(start, frames) / len(cells)
+        if not _fit_edges(grey, len(cells), widest, unit, scratch):
+            return NO_EDGES
+        _intersect(frames, scratch.edges, refined)
+        shift_px = 0.0
+        for i in range(4):
+            dx, dy = refined[i, 0] - start[i, 0], refined[i, 1] - start[i, 1]
+            shift_px = max(shift_px, math.hypot(dx, dy))
+        # A corner that moved by more than a cell belongs to a fit of some other edge.
+        if not shift_px < max(cell_px, _LEAST_SHIFT_PX):
+            return NO_EDGES
+        if shift_px < _RESTART_PX:
+            break
+        # The strips began and ended beyond the marker's corners.
+        for i in range(4):
+            start[i, 0], start[i, 1] = refined[i, 0], refined[i, 1]
+    return FOUND if reads(grey, refined, frames, scratch.edges, cells) else OTHER_CODE
 
 
 @kernel
@@ -170,38 +247,87 @@ def _write_frames(corners: Array, frames: Array) -> float:
 
 @kernel
 def _fit_edges(
-    grey: NDArray[np.uint8],
-    corners: Array,
-    cells: int,
-    unit: Array,
-    samples: Array,
-    frames: Array,
-    curves: Array,
-    room: Room,
+    grey: NDArray[np.uint8], count: int, widest: float, unit: Array, scratch: _Scratch
 ) -> bool:
-    """Write the curves of the four edges; return whether all fits are accepted."""
-    curves[:] = 0.0
+    """Write the parameters of the four edges; return whether all fits are accepted."""
+    samples, p = scratch.samples, scratch.room.parameters[0]
     for i in range(4):
-        blur_px, good = 0.0, False
-        length_px = 2.0 * frames[i, _HALF]
-        cell_px = _depth_px(corners, frames[i], i) / cells
-        for turn in range(3):
-            strip_px = min(max(_STRIP_IN_CELLS * cell_px, _MIN_STRIP_PX), _MAX_STRIP_PX[turn])
+        frame, edge = scratch.frames[i], scratch.edges[i]
+        edge[:] = 0.0
+        blur_px, good, outside_px = 0.0, False, math.inf
+        length_px = 2.0 * frame[_HALF]
+        cell_px = _depth_px(scratch.start, frame, i) / count
+        for turn in range(len(_ITERATIONS)):
+            if turn > 2 and outside_px == math.inf:
+                break
+            widest_px = min(widest * cell_px, _MAX_STRIP_PX[turn], outside_px)
+            strip_px = max(widest_px, _MIN_STRIP_PX)
             by_blur = min(
                 max(_EXCLUDED_WIDTHS * blur_px / length_px, _LEAST_EXCLUDED), _MOST_EXCLUDED
             )
             extent = max(1.0 - 2.0 * max(_EXCLUDED_PX / length_px, by_blur), 0.5)
-            _sample(grey, frames[i], curves[i], extent, strip_px, unit, samples)
-            _start(curves[i], samples, unit, strip_px, room.parameters[0])
+            _sample(grey, frame, edge, extent, strip_px, unit, samples)
+            _start(edge, samples, unit, strip_px, p)
             cubic = 1.0 if length_px > _MIN_CUBIC_PX else 0.0
-            rms = _fit(samples, cubic, _ITERATIONS[turn], _CONVERGED_PX[turn], room)
-            fitted = room.parameters[0]
-            has_contrast = fitted[6] > _MIN_CONTRAST
-            good = has_contrast and rms < _MAX_RESIDUAL * fitted[6]
-            blur_px = 1.0 / sharpness(fitted[4])[0] if has_contrast else 0.0
-            for j in range(4):
-                curves[i, j] = fitted[j] if has_contrast else curves[i, j]
-        if not good:
+            rms = _fit(samples, cubic, _ITERATIONS[turn], _CONVERGED_PX[turn], scratch.room)
+            has_contrast = p[6] > _MIN_CONTRAST
+            good = has_contrast and rms < _MAX_RESIDUAL * p[6]
+            blur_px = 1.0 / sharpness(p[4])[0] if has_contrast else 0.0
+            if has_contrast:
+                for j in range(7):
+                    edge[j] = p[j]
+                outside_px = _bright_px(samples, edge, strip_px)
+            if turn > 1 and outside_px < _MIN_MARGIN_PX:
+                return False
+        # In a strip that reaches beyond the margin, the fit is biased.
+        if not good or outside_px < math.inf or not _is_edge_everywhere(samples, edge):
+            return False
+    return True
+
+
+@kernel
+def _bright_px(samples: Array, edge: Array, strip_px: float) -> float:
+    """Return how far outside of an edge the image is bright, pixels; inf if in the whole strip."""
+    least = edge[5] + _MIN_BRIGHTNESS * edge[6]
+    bins = 6
+    bright_before = False
+    for n in range(1, bins):
+        total, count = 0.0, 0
+        low, high = n * strip_px / bins, (n + 1) * strip_px / bins
+        for k in range(samples.shape[1]):
+            u = samples[0, k]
+            e = samples[1, k] - (edge[0] + u * (edge[1] + u * (edge[2] + u * edge[3])))
+            if low <= e < high and samples[3, k] > 0.0:
+                total += samples[2, k]
+                count += 1
+        if count and total >= least * count:
+            bright_before = True
+        elif count and bright_before:
+            # The bin before may be mixed, too.
+            return max(low - strip_px / bins, 0.0)
+    return math.inf
+
+
+@kernel
+def _is_edge_everywhere(samples: Array, edge: Array) -> bool:
+    """Return whether each part of an edge is dark inside and bright outside."""
+    per_part = samples.shape[1] // _PARTS
+    for part in range(_PARTS):
+        inner, outer, inside, outside = 0.0, 0.0, 0, 0
+        for k in range(part * per_part, (part + 1) * per_part):
+            u = samples[0, k]
+            e = samples[1, k] - (edge[0] + u * (edge[1] + u * (edge[2] + u * edge[3])))
+            if samples[3, k] == 0.0:
+                continue
+            if e > 0.0:
+                outer += samples[2, k]
+                outside += 1
+            else:
+                inner += samples[2, k]
+                inside += 1
+        if not inside or not outside:
+            continue  # beyond the image
+        if outer / outside - inner / inside < _MIN_STEP * edge[6]:
             return False
     return True
 
@@ -313,15 +439,15 @@ def _evaluate(samples: Array, cubic: float, p: Array, rows: Array) -> None:
 
 
 @kernel
-def _intersect(frames: Array, curves: Array, points: Array) -> None:
+def _intersect(frames: Array, edges: Array, points: Array) -> None:
     """Write the intersections (4, 2) of each edge's curve with that of the previous edge."""
     for i in range(4):
         j = (i + 3) % 4
         begin, end = -1.0, 1.0
         for _ in range(_INTERSECTION_STEPS):
             # Newton's method on  p(begin) = q(end):  p + p' du = q + q' dw.
-            px, py, px_slope, py_slope = _point_and_slope(frames[i], curves[i], begin)
-            qx, qy, qx_slope, qy_slope = _point_and_slope(frames[j], curves[j], end)
+            px, py, px_slope, py_slope = _point_and_slope(frames[i], edges[i], begin)
+            qx, qy, qx_slope, qy_slope = _point_and_slope(frames[j], edges[j], end)
             determinant = px_slope * qy_slope - py_slope * qx_slope
             if abs(determinant) < 1e-9:  # parallel: stay
                 break
@@ -329,7 +455,7 @@ def _intersect(frames: Array, curves: Array, points: Array) -> None:
             begin += (dx * qy_slope - dy * qx_slope) / determinant
             end += (dx * py_slope - dy * px_slope) / determinant
             begin, end = min(max(begin, -1.5), -0.5), min(max(end, 0.5), 1.5)
-        points[i, 0], points[i, 1], _, _ = _point_and_slope(frames[i], curves[i], begin)
+        points[i, 0], points[i, 1], _, _ = _point_and_slope(frames[i], edges[i], begin)
 
 
 @kernel

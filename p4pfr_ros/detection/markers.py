@@ -15,22 +15,23 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.boards import MarkerBoard
-from p4pfr_ros.core.geometry import Array, Ints
-from p4pfr_ros.detection.aruco import code_cells
+from p4pfr_ros.core.geometry import Array, Ints, Mask
+from p4pfr_ros.detection.aruco import marker_cells
 from p4pfr_ros.detection.candidates import (
     are_legible,
     BoardMarkers,
     find_board_markers,
     rechecked,
 )
-from p4pfr_ros.detection.cells import levels_in, pixels_of
-from p4pfr_ros.detection.marker_edges import refine_markers
+from p4pfr_ros.detection.marker_edges import NO_EDGES, OTHER_CODE, refine_markers
 
-# Profiles across each side of a marker, where they begin and end, and their steps.
-_PROFILES = 9
+# Why a marker is not found at its fitted edges.
+_FAILURES = {
+    NO_EDGES: 'not dark inside and bright outside along its edges (narrow margin, or covered)',
+    OTHER_CODE: 'its code is not at its fitted edges',
+}
 # Markers whose corners predict the place of another one.
 _NEIGHBOURS = 4
-_REACH_IN_CELLS, _STEP_IN_CELLS = (-0.5, 1.25), 0.1
 
 
 def find_markers(grey: NDArray[np.uint8], board: MarkerBoard) -> tuple[Ints, Array, BoardMarkers]:
@@ -44,21 +45,15 @@ def find_markers(grey: NDArray[np.uint8], board: MarkerBoard) -> tuple[Ints, Arr
 
     """
     markers = find_board_markers(grey, board)
-    cells = code_cells(board.dictionary) + 2 * board.border_bits
-    refined = np.empty_like(markers.corners)
-    for chosen, image in ((~markers.inverted, grey), (markers.inverted, 255 - grey)):
-        if chosen.any():
-            refined[chosen] = _refined(image, markers.corners[chosen], cells)
-    markers = rechecked(grey, board, markers, refined)
+    corners, failures = _refined(grey, board, markers.corners, markers.indices, markers.inverted)
+    markers = rechecked(grey, board, markers, corners, failures)
     if 0 < len(markers.indices) < len(board.marker_ids):
-        markers = _completed(grey, board, markers, cells)
+        markers = _completed(grey, board, markers)
     ids = 4 * markers.indices[:, None] + np.arange(4)
     return ids.ravel(), markers.corners.reshape(-1, 2), markers
 
 
-def _completed(
-    grey: NDArray[np.uint8], board: MarkerBoard, markers: BoardMarkers, cells: int
-) -> BoardMarkers:
+def _completed(grey: NDArray[np.uint8], board: MarkerBoard, markers: BoardMarkers) -> BoardMarkers:
     """
     Look for the other markers where the board has them; return all.
 
@@ -66,7 +61,7 @@ def _completed(
     blur and glare prevent. Its place follows from the markers around it, and its code is read.
     """
     found = dict(zip(markers.indices.tolist(), markers.corners, strict=True))
-    image = 255 - grey if markers.inverted.all() else grey
+    inverted = bool(markers.inverted.all())
     size = np.array(grey.shape[::-1])
     left = [
         n for n, i in enumerate(board.marker_ids) if n not in found and i not in markers.repeated
@@ -79,8 +74,8 @@ def _completed(
             break
         legible = are_legible(grey, board, quads, tried)
         tried, quads = tried[legible], quads[legible]
-        refined = _refined(image, quads, cells)
-        fitted = (refined != quads).any(axis=(1, 2))
+        refined, _ = _refined(grey, board, quads, tried, np.full(len(tried), inverted))
+        fitted = np.isfinite(refined).all(axis=(1, 2))
         new = dict(zip(tried[fitted].tolist(), refined[fitted], strict=True))
         if not new:
             break
@@ -91,7 +86,7 @@ def _completed(
         markers,
         corners=np.array([found[n] for n in order]),
         indices=np.array(order, dtype=np.int64),
-        inverted=np.full(len(order), markers.inverted.all()),
+        inverted=np.full(len(order), inverted),
     )
 
 
@@ -109,37 +104,20 @@ def _predicted(board: MarkerBoard, found: dict[int, Array], index: int) -> Array
     return np.asarray(cv2.perspectiveTransform(on_board[index][:, None], homography)[:, 0])
 
 
-def _refined(grey: NDArray[np.uint8], corners: Array, cells: int) -> Array:
-    """Refine the corners (M, 4, 2) of markers; a marker that cannot be refined keeps its own."""
-    refined = refine_markers(grey, corners, cells)
-    # Squares that touch the corners of a marker, as in Kalibr's grid, pull OpenCV's outline into
-    # its border by a few pixels.
-    kept = (refined == corners).all(axis=(1, 2))
-    if kept.any():
-        start = _moved_to_edges(grey, corners[kept], cells)
-        again = refine_markers(grey, start, cells)
-        fitted = (again != start).any(axis=(1, 2))
-        refined[kept] = np.where(fitted[:, None, None], again, corners[kept])
-    return refined
-
-
-def _moved_to_edges(grey: NDArray[np.uint8], corners: Array, cells: int) -> Array:
-    """Move the sides of quads (M, 4, 2) within black borders to the step from black to white."""
-    along = np.linspace(0.2, 0.8, _PROFILES)
-    outwards = np.arange(*_REACH_IN_CELLS, _STEP_IN_CELLS)
-    u, v = np.meshgrid(along, -outwards / cells)
-    sides = []
-    for turn in range(4):
-        quads = np.roll(corners, -turn, axis=1)  # the side of interest is the first
-        profile = np.median(levels_in(grey, quads, np.stack([u, v], axis=-1)), axis=2)
-        middle = 0.5 * (profile.min(axis=1) + profile.max(axis=1))
-        bright = profile > middle[:, None]
-        sides.append(outwards[bright.argmax(axis=1)] - 0.5 * _STEP_IN_CELLS)
-    top, right, bottom, left = np.array(sides) / cells
-    places = [
-        (-left, -top),
-        (1.0 + right, -top),
-        (1.0 + right, 1.0 + bottom),
-        (-left, 1.0 + bottom),
+def _refined(
+    grey: NDArray[np.uint8], board: MarkerBoard, corners: Array, indices: Ints, inverted: Mask
+) -> tuple[Array, list[str]]:
+    """Refine markers (M, 4, 2): NaN and the reason where one is not found; '' where it is."""
+    ids = [board.marker_ids[n] for n in indices.tolist()]
+    cells = [marker_cells(board.dictionary, each, board.border_bits) for each in ids]
+    refined, status = np.full_like(corners, np.nan), np.full(len(corners), NO_EDGES)
+    for is_inverted, image in ((False, grey), (True, 255 - grey if inverted.any() else grey)):
+        chosen = np.flatnonzero(inverted == is_inverted)
+        if len(chosen):
+            chosen_cells = np.array([cells[n] for n in chosen.tolist()])
+            refined[chosen], status[chosen] = refine_markers(image, corners[chosen], chosen_cells)
+    failures = [
+        f'marker {marker_id}: {_FAILURES[each]}' if each in _FAILURES else ''
+        for marker_id, each in zip(ids, status.tolist(), strict=True)
     ]
-    return pixels_of(corners, np.stack([np.stack(place, axis=1) for place in places], axis=1))
+    return refined, failures

@@ -60,11 +60,14 @@ class Saddles:
         Pixels.
     good : (N,) array
         Whether the fit was accepted.
+    misfit : (N,) array
+        Rms residual, relative to the contrast.
 
     """
 
     points: Array
     good: Mask
+    misfit: Array
 
 
 def refine_saddles(
@@ -95,14 +98,15 @@ def refine_saddles(
         grey, start, squares, radii, np.empty((4, pixels)), room(pixels), fitted, measures
     )
     contrast, residual, inside = measures.T
+    misfit = residual / np.maximum(contrast, 1e-9)
     moved_px = np.linalg.norm(fitted - points, axis=1)
     good = (
         (contrast > _MIN_CONTRAST)
-        & (residual < _MAX_RESIDUAL * contrast)
+        & (misfit < _MAX_RESIDUAL)
         & (moved_px < np.clip(radii * shortest_px, _MIN_RADIUS_PX, _MAX_RADIUS_PX))
         & (inside > _MIN_INSIDE)
     )
-    return Saddles(fitted, good)
+    return Saddles(fitted, good, misfit)
 
 
 @kernel
