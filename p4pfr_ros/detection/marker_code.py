@@ -103,4 +103,4 @@ def _level_at(grey: NDArray[np.uint8], x: float, y: float) -> float:
     dx, dy = x - left, y - top
     upper = grey[top, left] * (1.0 - dx) + grey[top, left + 1] * dx
     lower = grey[top + 1, left] * (1.0 - dx) + grey[top + 1, left + 1] * dx
-    return upper * (1.0 - dy) + lower * dy
+    return float(upper * (1.0 - dy) + lower * dy)
