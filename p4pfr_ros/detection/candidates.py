@@ -12,30 +12,25 @@ wider than expected: the quadrilateral then lies within the border. The cells ar
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.boards import Charuco, MarkerBoard
 from p4pfr_ros.core.geometry import Array, Ints, Mask
-from p4pfr_ros.detection.aruco import code_cells, detect_markers, marker_cells
+from p4pfr_ros.detection.aruco import detect_markers
 from p4pfr_ros.detection.cells import (
-    cell_levels,
     dark_sides,
     expected_cells,
     relative_levels,
     RINGS,
 )
 
-# Borders that are tried on candidates without a code.
-_BORDERS = (1, 2, 3)
+# Borders that are tried.
+BORDERS = (1, 2, 3)
 # A marker whose cells are at most this far, in mean square, from black and white has no doubtful
 # border; another width must be as much clearer.
 _CLEAR, _MUCH_CLEARER = 0.02, 0.5
-# Only the largest candidates are explained, and only if they can be read, in pixels per cell.
-_MAX_EXPLAINED = 100
-_MIN_CELL_PX = 2.0
 _MIN_CONTRAST = 20.0  # grey levels
 # The reason of a quadrilateral that shows no code of the dictionary.
 NO_CODE = 'no code'
@@ -119,18 +114,8 @@ def find_board_markers(grey: NDArray[np.uint8], board: Charuco | MarkerBoard) ->
     # borders too wide has no marker whose border is right.
     if len(twice) > 1 or _are_mostly_wide(reasons):
         accepted[:] = False
-    explained = {} if accepted.any() or twice else _explained(grey, board, quads)
-    wrong = [
-        RejectedCandidate(outline, reason)
-        for outline, reason in (
-            *((quads[q], reason) for q, reason in explained.items()),
-            *zip(corners, reasons, strict=True),
-        )
-        if reason
-    ]
-    empty = (
-        RejectedCandidate(quad, NO_CODE) for q, quad in enumerate(quads) if q not in explained
-    )
+    wrong = [RejectedCandidate(*each) for each in zip(corners, reasons, strict=True) if each[1]]
+    empty = (RejectedCandidate(quad, NO_CODE) for quad in quads)
     indices = np.array([index_of[marker_id] for marker_id in ids.tolist()], dtype=np.int64)
     order = np.flatnonzero(accepted)[np.argsort(indices[accepted], kind='stable')]
     return BoardMarkers(
@@ -138,7 +123,7 @@ def find_board_markers(grey: NDArray[np.uint8], board: Charuco | MarkerBoard) ->
         indices[order],
         inverted[order],
         tuple(twice),
-        _summary(twice, wrong),
+        summary(twice, wrong),
         (*wrong, *others, *empty),
     )
 
@@ -168,7 +153,7 @@ def rechecked(
         corners=corners[accepted],
         indices=markers.indices[accepted],
         inverted=markers.inverted[accepted],
-        reason=markers.reason or _summary([], wrong),
+        reason=markers.reason or summary([], wrong),
         rejected=(*wrong, *markers.rejected),
     )
 
@@ -189,7 +174,7 @@ def _repeated(ids: Ints, reasons: list[str]) -> list[int]:
     return twice
 
 
-def _summary(twice: list[int], wrong: list[RejectedCandidate]) -> str:
+def summary(twice: list[int], wrong: list[RejectedCandidate]) -> str:
     """Return the most frequent reason as a sentence; '' if nothing was rejected."""
     if len(twice) == 1:
         return f'marker {twice[0]} detected more than once: two equal boards in the image?'
@@ -220,18 +205,18 @@ def _inspected(
     relative, contrast = relative_levels(grey, board.dictionary, corners, ids, board.border_bits)
     inverted = contrast < 0.0
     reasons = [
-        _polarity_reason(board, marker_id, is_inverted)
+        polarity_reason(board, marker_id, is_inverted)
         for marker_id, is_inverted in zip(ids.tolist(), inverted.tolist(), strict=True)
     ]
     if borders:
-        width = _best_widths(grey, board, corners, ids, relative).tolist()
+        width = best_widths(grey, board, corners, ids, relative).tolist()
         dark = dark_sides(relative).tolist()
         for m, marker_id in enumerate(ids.tolist()):
             reasons[m] = reasons[m] or _border_reason(board, marker_id, width[m], dark[m])
     return inverted, reasons
 
 
-def _best_widths(
+def best_widths(
     grey: NDArray[np.uint8],
     board: Charuco | MarkerBoard,
     corners: Array,
@@ -244,7 +229,7 @@ def _best_widths(
     least = _greyness(board, ids, relative, board.border_bits)
     best = np.full(len(ids), board.border_bits)
     doubtful = np.flatnonzero(least > _CLEAR)
-    for bits in (*_BORDERS, board.border_bits + 1) if len(doubtful) else ():
+    for bits in (*BORDERS, board.border_bits + 1) if len(doubtful) else ():
         chosen = corners[doubtful], ids[doubtful]
         levels, _ = relative_levels(grey, board.dictionary, *chosen, bits)
         greyness = _greyness(board, chosen[1], levels, bits)
@@ -283,7 +268,8 @@ def are_legible(
     return legible
 
 
-def _polarity_reason(board: Charuco | MarkerBoard, marker_id: int, is_inverted: bool) -> str:
+def polarity_reason(board: Charuco | MarkerBoard, marker_id: int, is_inverted: bool) -> str:
+    """Return the reason if a marker has other colours than the board, else ''."""
     if board.inverted in ('any', is_inverted):
         return ''
     colours = 'white on black' if is_inverted else 'black on white'
@@ -296,79 +282,19 @@ def _border_reason(
 ) -> str:
     """Return the reason if a marker reads best with another width, or dark cells are around it."""
     if width != board.border_bits:
-        return _wrong_border(board, marker_id, _cells(width))
+        return wrong_border(board, marker_id, cells_text(width))
     # Dark cells all around, and a bright ring further out. Dark cells without a bright ring are
     # a narrow margin on a dark wall: the fit of the edges decides.
     if dark[0] >= 3 and min(dark[1:]) <= 1:
-        return _wrong_border(board, marker_id, f'more than {_cells(board.border_bits)}')
+        return wrong_border(board, marker_id, f'more than {cells_text(board.border_bits)}')
     return ''
 
 
-def _wrong_border(board: Charuco | MarkerBoard, marker_id: int, width: str) -> str:
+def wrong_border(board: Charuco | MarkerBoard, marker_id: int, width: str) -> str:
+    """Return the reason that names the border of a marker and that of the board."""
     return f'marker {marker_id}: a black border of {width}, but border_bits is {board.border_bits}'
 
 
-def _cells(count: int) -> str:
+def cells_text(count: int) -> str:
+    """Return '1 cell', '2 cells', ..."""
     return f'{count} cell{"s" if count > 1 else ""}'
-
-
-def _explained(
-    grey: NDArray[np.uint8], board: Charuco | MarkerBoard, quads: Array
-) -> dict[int, str]:
-    """Return why quads (Q, 4, 2) that show a code of the board are not its markers, by index."""
-    reasons: dict[int, str] = {}
-    for bits in _BORDERS:
-        for q, marker_id, is_inverted, width in _read(grey, board, quads, bits):
-            reason = _polarity_reason(board, marker_id, is_inverted)
-            if width != board.border_bits:
-                reason = _wrong_border(board, marker_id, _cells(width))
-            if reason:
-                reasons.setdefault(q, reason)
-    return reasons
-
-
-def _read(
-    grey: NDArray[np.uint8], board: Charuco | MarkerBoard, quads: Array, bits: int
-) -> Iterator[tuple[int, int, bool, int]]:
-    """
-    Yield the quads (Q, 4, 2) that show a code of the board within a border of at least ``bits``.
-
-    Each with the index of the quad, the marker's id, whether it is inverted, and the width of its
-    border in cells, which may reach beyond the quad.
-    """
-    size = code_cells(board.dictionary)
-    n = size + 2 * bits
-    perimeter_px = np.linalg.norm(np.roll(quads, -1, axis=1) - quads, axis=2).sum(axis=1)
-    order = np.argsort(-perimeter_px)[:_MAX_EXPLAINED]
-    order = order[perimeter_px[order] > 4.0 * _MIN_CELL_PX * n]
-    if not len(order):
-        return
-    levels = cell_levels(grey, quads[order], n, RINGS)
-    inside = levels[:, RINGS:-RINGS, RINGS:-RINGS]
-    low, high = inside.min(axis=(1, 2)), inside.max(axis=(1, 2))
-    relative = (levels - low[:, None, None]) / np.maximum(high - low, 1.0)[:, None, None]
-    border = np.ones((n, n), dtype=bool)
-    border[bits:-bits, bits:-bits] = False
-    in_border = (relative[:, RINGS:-RINGS, RINGS:-RINGS][:, border] > 0.5).mean(axis=1)
-    is_inverted = in_border > 0.5
-    relative = np.where(is_inverted[:, None, None], 1.0 - relative, relative)
-    uniform = np.minimum(in_border, 1.0 - in_border) <= _MISREAD_IN_BORDER
-    known, around = _codes_of(board, size), RINGS + bits
-    for m in np.flatnonzero(uniform & (high - low > _MIN_CONTRAST)).tolist():
-        code = relative[m, around:-around, around:-around].ravel() > 0.5
-        misread = (code != known).sum(axis=1)
-        best = int(misread.argmin())
-        if misread[best] <= _MISREAD_IN_CODE * size * size:
-            dark = (dark_sides(relative[m : m + 1])[0] >= 3).tolist()
-            beyond = dark.index(False) if False in dark else 0
-            yield int(order[m]), board.marker_ids[best // 4], bool(is_inverted[m]), bits + beyond
-
-
-def _codes_of(board: Charuco | MarkerBoard, size: int) -> Mask:
-    """Return the codes of the board's markers in each orientation, (4 M, size²), True: white."""
-    turned = [
-        np.rot90(~marker_cells(board.dictionary, marker_id)[1:-1, 1:-1], turns).ravel()
-        for marker_id in board.marker_ids
-        for turns in range(4)
-    ]
-    return np.array(turned).reshape(-1, size * size)

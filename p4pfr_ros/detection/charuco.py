@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from p4pfr_ros.boards import Charuco
 from p4pfr_ros.core.geometry import Array, Ints, Mask
 from p4pfr_ros.detection.candidates import BoardMarkers, find_board_markers
+from p4pfr_ros.detection.explanations import explained
 from p4pfr_ros.detection.saddles import refine_saddles
 
 # Predictions of one corner that differ by more, in squares, come from a misdetected marker.
@@ -38,7 +39,7 @@ def find_charuco(grey: NDArray[np.uint8], board: Charuco) -> tuple[Ints, Array, 
     rejected.
 
     """
-    markers = find_board_markers(grey, board)
+    markers = explained(grey, board, find_board_markers(grey, board))
     proper = _is_proper(markers.corners)
     ids, predicted, along, across = _predict(
         board, markers.corners[proper], markers.indices[proper]

@@ -23,6 +23,7 @@ from p4pfr_ros.detection.candidates import (
     find_board_markers,
     rechecked,
 )
+from p4pfr_ros.detection.explanations import explained
 from p4pfr_ros.detection.marker_edges import NO_EDGES, OTHER_CODE, refine_markers
 
 # Why a marker is not found at its fitted edges.
@@ -49,6 +50,7 @@ def find_markers(grey: NDArray[np.uint8], board: MarkerBoard) -> tuple[Ints, Arr
     markers = rechecked(grey, board, markers, corners, failures)
     if 0 < len(markers.indices) < len(board.marker_ids):
         markers = _completed(grey, board, markers)
+    markers = explained(grey, board, markers)
     ids = 4 * markers.indices[:, None] + np.arange(4)
     return ids.ravel(), markers.corners.reshape(-1, 2), markers
 
