@@ -107,7 +107,11 @@ def find_board_markers(grey: NDArray[np.uint8], board: Charuco | MarkerBoard) ->
         for outline, marker_id in zip(corners[~on_board], ids[~on_board].tolist(), strict=True)
     ]
     corners, ids = corners[on_board], ids[on_board]
-    inverted, reasons = _inspected(grey, board, corners, ids, borders=isinstance(board, Charuco))
+    if isinstance(board, Charuco) or board.inverted is not False:
+        borders = isinstance(board, Charuco)
+        inverted, reasons = _inspected(grey, board, corners, ids, borders=borders)
+    else:
+        inverted, reasons = np.zeros(len(ids), dtype=bool), [''] * len(ids)
     twice = _repeated(ids, reasons)
     accepted = np.array([not reason for reason in reasons], dtype=bool)
     # One repeated id may be a copy of a marker. Several are two boards. A board with most of its
@@ -134,16 +138,25 @@ def rechecked(
     markers: BoardMarkers,
     refined: Array,
     failures: list[str],
+    *,
+    doubtful: Mask,
 ) -> BoardMarkers:
     """
     Return the markers with refined corners, without those that read otherwise there.
 
-    failures (M,) say why a marker could not be refined; a wrong border is the better reason.
+    failures (M,) say why a marker could not be refined, where the refined corners are NaN; a
+    wrong border is the better reason. doubtful (M,) are those that were not clearly read there.
     """
-    ids = np.array(board.marker_ids)[markers.indices]
+    all_ids = np.array(board.marker_ids)[markers.indices]
     corners = np.where(np.isfinite(refined), refined, markers.corners)
-    _, reasons = _inspected(grey, board, corners, ids, borders=True)
-    reasons = [reason or failure for reason, failure in zip(reasons, failures, strict=True)]
+    reasons = [
+        f'marker {marker_id}: {failure}' if failure else ''
+        for marker_id, failure in zip(all_ids.tolist(), failures, strict=True)
+    ]
+    unclear = np.flatnonzero(doubtful)
+    _, better = _inspected(grey, board, corners[unclear], all_ids[unclear], borders=True)
+    for n, reason in zip(unclear.tolist(), better, strict=True):
+        reasons[n] = reason or reasons[n]
     wrong = [RejectedCandidate(*each) for each in zip(corners, reasons, strict=True) if each[1]]
     accepted = np.array([not reason for reason in reasons], dtype=bool)
     if _are_mostly_wide(reasons):

@@ -22,6 +22,8 @@ from p4pfr_ros.core.jit import kernel
 # correct a few wrong bits; a code at a wrong place has a quarter and more.
 _WRONG_IN_CONTRASTS = 0.15
 _MAX_WRONG_FRACTION = 0.06
+# Cells that are neither clearly black nor white are read at their boundaries, or small.
+_UNCLEAR_IN_CONTRASTS, _MAX_UNCLEAR_FRACTION = -0.5, 0.05
 # White cells are as bright as the margin, 1 contrast above the middle. If they are brighter than
 # this, the margin is too narrow to be seen, and the edge lies between the marker and a wall.
 _MAX_EXCESS = 2.0
@@ -56,16 +58,16 @@ def reads(
     frames: Array,
     edges: Array,
     cells: NDArray[np.bool_],
-) -> bool:
+) -> int:
     """
-    Return whether the cells in the image are those of a marker.
+    Return whether the cells in the image are those of a marker: 2 if so, 1 if doubtful, 0 if not.
 
     corners (4, 2) px are clockwise, frames (4, 7) and edges (4, 7) as in ``marker_edges``, and
     cells (n, n) are True where black.
     """
     count = len(cells)
     g, h = perspective(corners)
-    wrong, white, excess = 0, 0, 0.0
+    wrong, unclear, white, excess = 0, 0, 0, 0.0
     for row in range(count):
         t = (row + 0.5) / count
         for column in range(count):
@@ -85,13 +87,17 @@ def reads(
                 contrast += 0.5 * near * p[6]
             level = _level_at(grey, x, y)
             off = level - middle if cells[row, column] else middle - level
+            if off > _UNCLEAR_IN_CONTRASTS * contrast:
+                unclear += 1
             if off > _WRONG_IN_CONTRASTS * contrast:
                 wrong += 1
             elif not cells[row, column]:
                 white += 1
                 excess += (level - middle) / contrast
     has_white_margin = excess <= _MAX_EXCESS * white
-    return has_white_margin and wrong <= _MAX_WRONG_FRACTION * count * count
+    if not has_white_margin or wrong > _MAX_WRONG_FRACTION * count * count:
+        return 0
+    return 2 if unclear <= _MAX_UNCLEAR_FRACTION * count * count else 1
 
 
 @kernel

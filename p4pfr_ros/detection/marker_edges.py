@@ -36,7 +36,7 @@ from p4pfr_ros.detection.fitting import (
 from p4pfr_ros.detection.marker_code import perspective, point_in_square, reads
 
 # Outcomes of a refinement.
-NO_EDGES, OTHER_CODE, FOUND = 0, 1, 2
+NO_EDGES, OTHER_CODE, DOUBTFUL, FOUND = 0, 1, 2, 3
 
 # Number of sample rows along an edge, and of samples per row. Each row is shifted against the one
 # before by this fraction of the sample spacing, the golden ratio, so that all rows together
@@ -109,7 +109,7 @@ def refine_markers(
     Returns
     -------
     The refined corners (M, 4, 2), NaN where not found, and whether each was found (M,): `FOUND`,
-    `NO_EDGES` or `OTHER_CODE`.
+    `DOUBTFUL` (found, but the cells are neither black nor white), `NO_EDGES` or `OTHER_CODE`.
 
     """
     start = np.ascontiguousarray(corners, dtype=np.float64)
@@ -174,11 +174,11 @@ def _refine(
             widest = margin if margin > 0.0 else _STRIP_IN_CELLS
             outcome = _refine_one(grey, cells[n], widest, unit, scratch, refined[n])
             status[n] = max(status[n], outcome)
-            if outcome == FOUND:
+            if outcome >= DOUBTFUL:
                 break
         for i in range(4):
             for j in range(2):
-                refined[n, i, j] = refined[n, i, j] if status[n] == FOUND else math.nan
+                refined[n, i, j] = refined[n, i, j] if status[n] >= DOUBTFUL else math.nan
 
 
 @kernel
@@ -220,7 +220,7 @@ def _refine_one(
         # The strips began and ended beyond the marker's corners.
         for i in range(4):
             start[i, 0], start[i, 1] = refined[i, 0], refined[i, 1]
-    return FOUND if reads(grey, refined, frames, scratch.edges, cells) else OTHER_CODE
+    return OTHER_CODE + reads(grey, refined, frames, scratch.edges, cells)
 
 
 @kernel

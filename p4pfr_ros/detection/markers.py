@@ -24,7 +24,7 @@ from p4pfr_ros.detection.candidates import (
     rechecked,
 )
 from p4pfr_ros.detection.explanations import explained
-from p4pfr_ros.detection.marker_edges import NO_EDGES, OTHER_CODE, refine_markers
+from p4pfr_ros.detection.marker_edges import FOUND, NO_EDGES, OTHER_CODE, refine_markers
 
 # Why a marker is not found at its fitted edges.
 _FAILURES = {
@@ -46,8 +46,9 @@ def find_markers(grey: NDArray[np.uint8], board: MarkerBoard) -> tuple[Ints, Arr
 
     """
     markers = find_board_markers(grey, board)
-    corners, failures = _refined(grey, board, markers.corners, markers.indices, markers.inverted)
-    markers = rechecked(grey, board, markers, corners, failures)
+    corners, status = _refined(grey, board, markers.corners, markers.indices, markers.inverted)
+    failures = [_FAILURES.get(each, '') for each in status.tolist()]
+    markers = rechecked(grey, board, markers, corners, failures, doubtful=status != FOUND)
     if 0 < len(markers.indices) < len(board.marker_ids):
         markers = _completed(grey, board, markers)
     markers = explained(grey, board, markers)
@@ -108,8 +109,8 @@ def _predicted(board: MarkerBoard, found: dict[int, Array], index: int) -> Array
 
 def _refined(
     grey: NDArray[np.uint8], board: MarkerBoard, corners: Array, indices: Ints, inverted: Mask
-) -> tuple[Array, list[str]]:
-    """Refine markers (M, 4, 2): NaN and the reason where one is not found; '' where it is."""
+) -> tuple[Array, Ints]:
+    """Refine markers (M, 4, 2): corners, NaN where one is not found, and status (M,)."""
     ids = [board.marker_ids[n] for n in indices.tolist()]
     cells = [marker_cells(board.dictionary, each, board.border_bits) for each in ids]
     refined, status = np.full_like(corners, np.nan), np.full(len(corners), NO_EDGES)
@@ -118,8 +119,4 @@ def _refined(
         if len(chosen):
             chosen_cells = np.array([cells[n] for n in chosen.tolist()])
             refined[chosen], status[chosen] = refine_markers(image, corners[chosen], chosen_cells)
-    failures = [
-        f'marker {marker_id}: {_FAILURES[each]}' if each in _FAILURES else ''
-        for marker_id, each in zip(ids, status.tolist(), strict=True)
-    ]
-    return refined, failures
+    return refined, status
