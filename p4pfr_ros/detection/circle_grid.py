@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.boards import CircleGrid
 from p4pfr_ros.core.geometry import Array, Ints, Mask
+from p4pfr_ros.detection.candidates import RejectedCandidate
 
 _cv2: Any = cv2  # its type stubs lack the blob detector
 
@@ -38,6 +39,7 @@ _MIN_CIRCULARITY = 0.6
 # Trial values of the division model's k, in units of the half diagonal, for the search.
 _BENDS = (0.0, -0.2, -0.4, -0.6, -0.8)
 _MAX_BLOBS = 2000
+_NOTHING = np.empty(0, dtype=np.int64), np.empty((0, 2))
 _DRAWN_SIDE_PX, _DRAWN_RADIUS_PX, _SHIFT = 800.0, 3, 4
 # The window of a circle reaches this far into the white gap to its nearest neighbour. The ink is
 # counted within it, and the level of the paper is taken from its outer part.
@@ -54,23 +56,27 @@ _CORRECTIONS = 2
 _OUTLINE_VERTICES = 48
 
 
-def find_circle_grid(grey: NDArray[np.uint8], board: CircleGrid) -> tuple[Ints, Array]:
+def find_circle_grid(
+    grey: NDArray[np.uint8], board: CircleGrid
+) -> tuple[Ints, Array, tuple[RejectedCandidate, ...]]:
     """
     Find a grid's circles in an image (h, w).
 
     Returns
     -------
     Ids (N,) (indices in the board's points) and the images of the centres (N, 2) px, empty if the
-    grid is not found. Circles that cannot be measured, such as half covered ones, are left out.
+    grid is not found; then also the circles that were found. Circles that cannot be measured, such
+    as half covered ones, are left out.
 
     """
-    found = _search(grey, board)
+    blobs, diameters_px = _blobs(grey, board)
+    found = _search(grey, board, blobs)
     if found is None:
-        return np.empty(0, dtype=np.int64), np.empty((0, 2))
+        return *_NOTHING, _rejected(blobs, diameters_px, 'circle, but no grid')
     middle_px = 0.5 * (np.array(grey.shape[::-1]) - 1.0)
     centres, good = _centroids(grey, board, _GridMap.fitted(board.points, found, middle_px))
     if good.sum() < max(4, board.columns):
-        return np.empty(0, dtype=np.int64), np.empty((0, 2))
+        return *_NOTHING, _rejected(blobs, diameters_px, 'not a whole circle on white')
     corrected = centres
     for _ in range(_CORRECTIONS):
         grid_map = _GridMap.fitted(board.points[good], corrected[good], middle_px)
@@ -78,14 +84,27 @@ def find_circle_grid(grey: NDArray[np.uint8], board: CircleGrid) -> tuple[Ints, 
     misfit_px = np.linalg.norm(corrected - grid_map.pixels(board.points), axis=1)
     good &= misfit_px < _MAX_MISFIT_PX + _MAX_MISFIT_IN_MEDIANS * np.median(misfit_px[good])
     ids = np.flatnonzero(good)
-    return ids, corrected[ids]
+    return ids, corrected[ids], ()
 
 
-def _search(grey: NDArray[np.uint8], board: CircleGrid) -> Array | None:
-    """Return OpenCV's centres (N, 2) px in the order of the board's points, or None."""
+def _rejected(blobs: Array, diameters_px: Array, reason: str) -> tuple[RejectedCandidate, ...]:
+    corners = 0.5 * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
+    return tuple(
+        RejectedCandidate(blob + diameter_px * corners, reason)
+        for blob, diameter_px in zip(blobs[:_MAX_BLOBS], diameters_px, strict=False)
+    )
+
+
+def _blobs(grey: NDArray[np.uint8], board: CircleGrid) -> tuple[Array, Array]:
+    """Return the middles (M, 2) and diameters (M,), pixels, of dark circles in an image."""
     parameters = _blob_parameters(grey.size / len(board.points))
-    detector = _cv2.SimpleBlobDetector_create(parameters)
-    blobs = np.array([blob.pt for blob in detector.detect(grey)], dtype=np.float64)
+    found = _cv2.SimpleBlobDetector_create(parameters).detect(grey)
+    middles = np.array([blob.pt for blob in found], dtype=np.float64).reshape(-1, 2)
+    return middles, np.array([blob.size for blob in found])
+
+
+def _search(grey: NDArray[np.uint8], board: CircleGrid, blobs: Array) -> Array | None:
+    """Return OpenCV's centres (N, 2) px in the order of the board's points, or None."""
     if not len(board.points) <= len(blobs) <= _MAX_BLOBS:
         return None
     middle_px = 0.5 * (np.array(grey.shape[::-1]) - 1.0)

@@ -87,8 +87,11 @@ def detect(image: NDArray[np.uint8], board: Board) -> Detection:
     if isinstance(board, Chessboard):
         ids, points, reason = find_chessboard(grey, board)
     elif isinstance(board, CircleGrid):
-        ids, points = find_circle_grid(grey, board)
-        reason = f'no grid of {board.columns}x{board.rows} circles found'
+        ids, points, rejected = find_circle_grid(grey, board)
+        reason = (
+            f'no grid of {board.columns}x{board.rows} circles found among {len(rejected)} dark '
+            'circles'
+        )
     elif isinstance(board, Charuco):
         ids, points, markers = find_charuco(grey, board)
         reason = markers.reason or (

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from itertools import pairwise
 import math
 
@@ -28,6 +29,8 @@ _INK = (255, 255, 255)
 _REJECTED = (200, 80, 255)
 # Of the candidates without a code, which are many, these largest ones are drawn.
 _MAX_WITHOUT_CODE = 40
+# The same reason is written so many times.
+_MAX_WRITTEN = 3
 # A candidate with all corners this close to detected points is detected, pixels.
 _SAME_PX = 6.0
 # Fractional bits of the coordinates that cv2 draws at: 1/16 px.
@@ -164,7 +167,7 @@ def _draw_candidates(
     canvas: ImageArray, candidates: list[RejectedCandidate], scale: float
 ) -> None:
     """Outline the candidates; write their reasons above them, where there is space."""
-    is_written = np.zeros(canvas.shape[:2], dtype=bool)
+    is_written, times = np.zeros(canvas.shape[:2], dtype=bool), Counter[str]()
     for candidate in candidates:
         points = np.rint(candidate.outline * 2**_SHIFT).astype(np.int32)
         cv2.polylines(canvas, [points], True, _REJECTED, 1, cv2.LINE_AA, _SHIFT)
@@ -172,7 +175,9 @@ def _draw_candidates(
         size = 0.35 * scale
         left, bottom, width, height = _text_box(canvas, candidate.reason, (x, y - 3 * scale), size)
         box = np.s_[max(0, bottom - height) : bottom + 1, left : left + width]
-        if candidate.reason != NO_CODE and not is_written[box].any():
+        times[candidate.reason] += 1
+        is_new = candidate.reason != NO_CODE and times[candidate.reason] <= _MAX_WRITTEN
+        if is_new and not is_written[box].any():
             is_written[box] = True
             _write_at(canvas, candidate.reason, (left, bottom), _REJECTED, size)
 

@@ -87,5 +87,9 @@ def test_covered_circles_are_left_out():
 
 def test_an_image_without_a_grid_gives_a_reason():
     image = render(BOARDS['chessboard'], CAMERAS['pinhole'], seen_from(0.4), SIZE)
-    assert detect(image, ASYMMETRIC).reason == 'no grid of 4x9 circles found'
+    assert detect(image, ASYMMETRIC).reason.startswith('no grid of 4x9 circles found among')
+    circles = render(SYMMETRIC, CAMERAS['pinhole'], seen_from(0.4), SIZE)
+    other = detect(circles, ASYMMETRIC)
+    assert other.reason.endswith('among 35 dark circles')
+    assert len(other.rejected) == 35
     assert detect(np.full((480, 640), 128, np.uint8), SYMMETRIC).reason.startswith('no grid of')
