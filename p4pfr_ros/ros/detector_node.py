@@ -36,6 +36,7 @@ from .runtime.following import FollowingSubscription
 from .runtime.image_health import ImageHealth
 from .runtime.rejections import CauseLog, Rejected
 from .runtime.spin import run
+from .runtime.warm_up import warm_up_detection
 
 # Period of /diagnostics.
 _PERIOD_S = 1.0
@@ -70,6 +71,7 @@ class DetectorNode(Node):  # type: ignore[misc]
         self._annotated = advertise(self, Image, '~/image_annotated')
         self._diagnostics = advertise(self, DiagnosticArray, '/diagnostics')
         self._health = ImageHealth(time.monotonic())
+        warm_up_detection()
         self._images = self._subscribed(options.image)
         self.create_timer(_PERIOD_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info('ready')
