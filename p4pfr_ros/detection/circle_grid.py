@@ -44,6 +44,8 @@ _DRAWN_SIDE_PX, _DRAWN_RADIUS_PX, _SHIFT = 800.0, 3, 4
 # The window of a circle reaches this far into the white gap to its nearest neighbour. The ink is
 # counted within it, and the level of the paper is taken from its outer part.
 _WINDOW_IN_GAPS = 0.5
+# More paper than blur reaches adds only noise.
+_WINDOW_PX, _WINDOW_IN_RADII = 4.0, 0.1
 _PAPER_FROM = 0.9
 # Acceptance: a minimum contrast, in grey levels; the area of the ink, in areas of the projected
 # circle; and the largest distance from the map of the whole grid, in pixels and medians.
@@ -258,9 +260,11 @@ def _centroids(
     good = np.zeros(len(points), dtype=bool)
     for n, jacobian in enumerate(jacobians):
         radii_px = 0.5 * board.diameter_m * jacobian
-        centroid = _centroid(grey, centres[n], radii_px, reach)
+        window = 1.0 + _WINDOW_IN_RADII + _WINDOW_PX / np.sqrt(abs(np.linalg.det(radii_px)))
+        window = min(reach, float(window))
+        centroid = _centroid(grey, centres[n], radii_px, window)
         if centroid is not None and np.abs(centroid - centres[n]).max() > _OFF_CENTRE_PX:
-            centroid = _centroid(grey, centroid, radii_px, reach)
+            centroid = _centroid(grey, centroid, radii_px, window)
         if centroid is not None:
             centres[n], good[n] = centroid, True
     return centres, good
