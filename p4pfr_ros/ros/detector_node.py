@@ -36,6 +36,7 @@ from .runtime.following import FollowingSubscription
 from .runtime.image_health import ImageHealth
 from .runtime.rejections import CauseLog, Rejected
 from .runtime.spin import run
+from .runtime.warm_up import warm_up_detection
 
 # Period of /diagnostics.
 _PERIOD_S = 1.0
@@ -60,6 +61,7 @@ class DetectorNode(Node):  # type: ignore[misc]
         self._config = Parameters(self, DetectorNodeOptions())
         options = self._config.options
         cv2.setNumThreads(options.opencv_threads)
+        warm_up_detection()  # no image waits for the compiler
         self._boards = list(required_boards(self.get_name(), options.board_file).values())
         self._rejections = CauseLog(self.get_logger())
         self._frame_id = ''
