@@ -24,6 +24,10 @@ from p4pfr_ros.core.geometry import Array, Ints
 _aruco: Any = getattr(cv2, 'aruco', None)
 _HAS_CLASSES = hasattr(_aruco, 'ArucoDetector')
 
+# Side of the smallest markers that are searched, pixels. OpenCV's own limit is a share of the
+# image, which loses small markers in large images.
+MIN_MARKER_PX = 8.0
+
 # The key to name in the error when the dictionary lacks an id of the board. A ChArUco board that
 # begins with id 0 has too many squares.
 _ID_KEYS: dict[type[Any], str] = {
@@ -93,10 +97,16 @@ def _marker_image(dictionary: str, marker_id: int) -> NDArray[np.uint8]:
 
 
 def detect_markers(
-    grey: NDArray[np.uint8], dictionary: str, border_bits: int = 1, *, with_inverted: bool = False
+    grey: NDArray[np.uint8],
+    dictionary: str,
+    border_bits: int = 1,
+    *,
+    ids: tuple[int, ...] = (),
+    with_inverted: bool = False,
+    min_marker_px: float = MIN_MARKER_PX,
 ) -> tuple[Array, Ints, Array]:
     """
-    Detect the markers of a dictionary.
+    Detect markers of a dictionary.
 
     Parameters
     ----------
@@ -106,8 +116,13 @@ def detect_markers(
         Name of the dictionary.
     border_bits
         Width of the markers' black border, cells.
+    ids
+        Detect these only; without any, all. OpenCV compares each quadrilateral with each code,
+        which takes most of its time where a dictionary is large and an image cluttered.
     with_inverted
         Also detect markers that are white on black.
+    min_marker_px
+        Side of the smallest markers, pixels.
 
     Returns
     -------
@@ -115,22 +130,36 @@ def detect_markers(
     of the quadrilaterals that contain no code.
 
     """
-    predefined = _dictionary(dictionary)
+    codes = _part_of_dictionary(dictionary, ids) if ids else _dictionary(dictionary)
     parameters = _parameters()
+    parameters.minMarkerPerimeterRate = max(4.0 * min_marker_px / max(grey.shape), 1e-6)
     parameters.markerBorderBits = border_bits
     parameters.detectInvertedMarker = with_inverted
     if _HAS_CLASSES:
-        detector = _aruco.ArucoDetector(predefined, parameters)
-        corners, ids, quads = detector.detectMarkers(grey)
+        detector = _aruco.ArucoDetector(codes, parameters)
+        corners, found, quads = detector.detectMarkers(grey)
     else:
-        corners, ids, quads = _aruco.detectMarkers(grey, predefined, parameters=parameters)
+        corners, found, quads = _aruco.detectMarkers(grey, codes, parameters=parameters)
     without_code = np.asarray(quads, dtype=np.float64).reshape(-1, 4, 2)
-    if ids is None or len(ids) == 0:
+    if found is None or len(found) == 0:
         return np.empty((0, 4, 2)), np.empty(0, dtype=np.int64), without_code
     stacked = np.asarray(corners, dtype=np.float64).reshape(-1, 4, 2)
     if _is_upside_down(dictionary):
         stacked = np.roll(stacked, -2, axis=1)
-    return stacked, np.asarray(ids, dtype=np.int64).ravel(), without_code
+    found = np.asarray(found, dtype=np.int64).ravel()
+    return stacked, np.array(ids, dtype=np.int64)[found] if ids else found, without_code
+
+
+@lru_cache(maxsize=32)
+def _part_of_dictionary(name: str, ids: tuple[int, ...]) -> Any:
+    """Return a dictionary with these markers only, numbered from 0."""
+    whole = _dictionary(name)
+    codes = np.ascontiguousarray(whole.bytesList[list(ids)])
+    if _HAS_CLASSES:
+        return _aruco.Dictionary(codes, whole.markerSize, whole.maxCorrectionBits)
+    part = _aruco.getPredefinedDictionary(getattr(_aruco, name))
+    part.bytesList = codes
+    return part
 
 
 def _parameters() -> Any:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.boards import Charuco, MarkerBoard
@@ -36,7 +37,10 @@ _MIN_CONTRAST = 20.0  # grey levels
 NO_CODE = 'no code'
 # Cells of the border and of the code that may be misread, as shares of their number.
 # Where a certain marker is expected, more may be: chance spells one code less often than any.
-_MISREAD_IN_BORDER, _MISREAD_IN_CODE, _MISREAD_WHERE_EXPECTED = 0.1, 0.05, 0.12
+_MISREAD_IN_BORDER, _MISREAD_WHERE_EXPECTED = 0.1, 0.12
+# Markers of other boards are searched in an image of this size, without any of the board: OpenCV
+# compares each quadrilateral with all codes of a dictionary.
+_SIDE_FOR_OTHERS_PX, _SMALLEST_OTHER_PX = 320.0, 12.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +91,9 @@ class BoardMarkers:
     rejected: tuple[RejectedCandidate, ...]
 
 
-def find_board_markers(grey: NDArray[np.uint8], board: Charuco | MarkerBoard) -> BoardMarkers:
+def find_board_markers(
+    grey: NDArray[np.uint8], board: Charuco | MarkerBoard, min_marker_px: float
+) -> BoardMarkers:
     """
     Find a board's markers in an image (h, w).
 
@@ -98,15 +104,15 @@ def find_board_markers(grey: NDArray[np.uint8], board: Charuco | MarkerBoard) ->
     does that at the refined corners.
     """
     corners, ids, quads = detect_markers(
-        grey, board.dictionary, board.border_bits, with_inverted=board.inverted is not False
+        grey,
+        board.dictionary,
+        board.border_bits,
+        ids=board.marker_ids,
+        with_inverted=board.inverted is not False,
+        min_marker_px=min_marker_px,
     )
     index_of = {marker_id: index for index, marker_id in enumerate(board.marker_ids)}
-    on_board = np.array([marker_id in index_of for marker_id in ids.tolist()], dtype=bool)
-    others = [
-        RejectedCandidate(outline, f'marker {marker_id}: not on the board')
-        for outline, marker_id in zip(corners[~on_board], ids[~on_board].tolist(), strict=True)
-    ]
-    corners, ids = corners[on_board], ids[on_board]
+    others = [] if len(ids) or not len(quads) else _markers_of_others(grey, board)
     if isinstance(board, Charuco) or board.inverted is not False:
         borders = isinstance(board, Charuco)
         inverted, reasons = _inspected(grey, board, corners, ids, borders=borders)
@@ -130,6 +136,26 @@ def find_board_markers(grey: NDArray[np.uint8], board: Charuco | MarkerBoard) ->
         summary(twice, wrong),
         (*wrong, *others, *empty),
     )
+
+
+def _markers_of_others(
+    grey: NDArray[np.uint8], board: Charuco | MarkerBoard
+) -> list[RejectedCandidate]:
+    """Return the large markers that are not on the board: another board, or a wrong id."""
+    scale = max(grey.shape) / _SIDE_FOR_OTHERS_PX
+    if scale > 1.0:
+        size = round(grey.shape[1] / scale), round(grey.shape[0] / scale)
+        grey = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    else:
+        scale = 1.0
+    corners, ids, _ = detect_markers(
+        grey, board.dictionary, board.border_bits, min_marker_px=_SMALLEST_OTHER_PX
+    )
+    return [
+        RejectedCandidate(scale * (outline + 0.5) - 0.5, f'marker {marker_id}: not on the board')
+        for outline, marker_id in zip(corners, ids.tolist(), strict=True)
+        if marker_id not in board.marker_ids
+    ]
 
 
 def rechecked(

@@ -29,7 +29,9 @@ _MAX_DISAGREEMENT_IN_SQUARES = 0.25
 _RADIUS_IN_GAPS = 1.0
 
 
-def find_charuco(grey: NDArray[np.uint8], board: Charuco) -> tuple[Ints, Array, BoardMarkers]:
+def find_charuco(
+    grey: NDArray[np.uint8], board: Charuco, min_marker_px: float
+) -> tuple[Ints, Array, BoardMarkers]:
     """
     Find a board's corners in an image (h, w).
 
@@ -39,7 +41,7 @@ def find_charuco(grey: NDArray[np.uint8], board: Charuco) -> tuple[Ints, Array, 
     rejected.
 
     """
-    markers = explained(grey, board, find_board_markers(grey, board))
+    markers = explained(grey, board, find_board_markers(grey, board, min_marker_px))
     proper = _is_proper(markers.corners)
     ids, predicted, along, across = _predict(
         board, markers.corners[proper], markers.indices[proper]

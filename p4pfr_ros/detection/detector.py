@@ -24,7 +24,7 @@ from p4pfr_ros.boards import (
     MarkerBoard,
 )
 from p4pfr_ros.core.geometry import Array, Ints
-from p4pfr_ros.detection.aruco import check_markers
+from p4pfr_ros.detection.aruco import check_markers, MIN_MARKER_PX
 from p4pfr_ros.detection.candidates import RejectedCandidate
 from p4pfr_ros.detection.charuco import find_charuco
 from p4pfr_ros.detection.chessboard import find_chessboard
@@ -64,7 +64,9 @@ class Detection:
     rejected: tuple[RejectedCandidate, ...] = ()
 
 
-def detect(image: NDArray[np.uint8], board: Board) -> Detection:
+def detect(
+    image: NDArray[np.uint8], board: Board, *, min_marker_px: float = MIN_MARKER_PX
+) -> Detection:
     """
     Detect a board in an image, (h, w) grey or (h, w, 3) BGR, uint8.
 
@@ -93,13 +95,13 @@ def detect(image: NDArray[np.uint8], board: Board) -> Detection:
             'circles'
         )
     elif isinstance(board, Charuco):
-        ids, points, markers = find_charuco(grey, board)
+        ids, points, markers = find_charuco(grey, board, min_marker_px)
         reason = markers.reason or (
             f'no corner of a {board.columns}x{board.rows} ChArUco board found'
         )
         rejected = markers.rejected
     else:
-        ids, points, markers = find_markers(grey, board)
+        ids, points, markers = find_markers(grey, board, min_marker_px)
         reason = markers.reason or _no_marker_reason(board)
         rejected = markers.rejected
     if len(ids) >= _MIN_POINTS:

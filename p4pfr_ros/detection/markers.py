@@ -35,7 +35,9 @@ _FAILURES = {
 _NEIGHBOURS = 4
 
 
-def find_markers(grey: NDArray[np.uint8], board: MarkerBoard) -> tuple[Ints, Array, BoardMarkers]:
+def find_markers(
+    grey: NDArray[np.uint8], board: MarkerBoard, min_marker_px: float
+) -> tuple[Ints, Array, BoardMarkers]:
     """
     Find a board's markers in an image (h, w).
 
@@ -45,7 +47,7 @@ def find_markers(grey: NDArray[np.uint8], board: MarkerBoard) -> tuple[Ints, Arr
     rejected.
 
     """
-    markers = find_board_markers(grey, board)
+    markers = find_board_markers(grey, board, min_marker_px)
     corners, status = _refined(grey, board, markers.corners, markers.indices, markers.inverted)
     failures = [_FAILURES.get(each, '') for each in status.tolist()]
     markers = rechecked(grey, board, markers, corners, failures, doubtful=status != FOUND)

@@ -67,22 +67,16 @@ def test_a_reason_is_written_and_the_input_is_unchanged():
 
 
 def test_rejected_candidates_are_outlined_with_their_reason():
-    """A marker that is not on the board, beside a detected board and alone."""
+    """A marker that is not on the board."""
     other = Marker(id=40, size_m=0.05, dictionary=BOARD.dictionary)
     pose = seen_from(0.4, (0.3, 0.2), 0.2, (-0.4, -0.25))
     alone = render(other, CAMERA, pose, SIZE)
-    both = render(BOARD, CAMERA, POSE, SIZE, background=alone.astype(float))
     outline = project(CAMERA, pose, other.points)
-    for image, has_points in ((both, True), (alone, False)):
-        detection = detect(image, BOARD)
-        assert len(detection.ids) > 0 or not has_points
-        drawn = annotate(image, detection)
-        plain = annotate(image, dataclasses.replace(detection, rejected=()))
-        assert near(drawn, image, outline, 4).all()
-        changed = np.argwhere((drawn != plain).any(axis=2))[:, ::-1]
-        # The outline and the text above it.
-        assert (changed.min(axis=0) > outline.min(axis=0) - 30).all() or not has_points
-        assert len(changed) > 150
+    detection = detect(alone, BOARD)
+    drawn = annotate(alone, detection)
+    plain = annotate(alone, dataclasses.replace(detection, rejected=()))
+    assert near(drawn, alone, outline, 4).all()
+    assert (drawn != plain).any(axis=2).sum() > 150  # the outline and the text above it
 
 
 def test_a_board_partly_behind_the_camera_is_drawn():
