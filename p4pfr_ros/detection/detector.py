@@ -9,7 +9,7 @@ This module stands alone: it holds the public function, above one finder per fam
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -33,6 +33,10 @@ from p4pfr_ros.detection.markers import find_markers
 
 # OpenCV's detectors raise on smaller images, in which no board could be resolved anyway.
 _MIN_IMAGE_SIDE_PX = 16
+# Around the last place of a board: a margin in sizes of the board, and at least this. A window of
+# almost the whole image saves nothing.
+_WINDOW_MARGIN, _MIN_MARGIN_PX = 0.3, 24.0
+_MAX_WINDOW = 0.7
 # Fewer points do not determine a pose.
 _MIN_POINTS = 4
 
@@ -65,13 +69,28 @@ class Detection:
 
 
 def detect(
-    image: NDArray[np.uint8], board: Board, *, min_marker_px: float = MIN_MARKER_PX
+    image: NDArray[np.uint8],
+    board: Board,
+    *,
+    near: Detection | None = None,
+    min_marker_px: float = MIN_MARKER_PX,
 ) -> Detection:
     """
     Detect a board in an image, (h, w) grey or (h, w, 3) BGR, uint8.
 
     A chessboard must be entirely visible. Other boards may be partly visible; the result then
     holds the detected points only.
+
+    Parameters
+    ----------
+    image, board
+        The image, and what to look for.
+    near
+        The detection in the image before. The board is first searched around its place there, and
+        in the whole image if it is not there with at least as many points. A second, equal board
+        elsewhere is not noticed meanwhile.
+    min_marker_px
+        Side of the smallest markers, pixels. Larger values save time.
 
     Raises
     ------
@@ -85,6 +104,44 @@ def detect(
         height, width = grey.shape
         at_least = f'{_MIN_IMAGE_SIDE_PX}x{_MIN_IMAGE_SIDE_PX}'
         return _rejected(f'image too small: {width}x{height} px, at least {at_least} px needed')
+    if near is not None and len(near.ids):
+        rows, columns = _window(board, near, grey.shape[:2])
+        window = np.ascontiguousarray(grey[rows, columns])
+        is_small = window.size < _MAX_WINDOW * grey.size
+        if is_small and min(window.shape) >= _MIN_IMAGE_SIDE_PX:
+            detection = _detect_in(window, board, min_marker_px)
+            if len(detection.ids) >= len(near.ids):
+                return _moved(detection, np.array([columns.start, rows.start]))
+    return _detect_in(grey, board, min_marker_px)
+
+
+def _window(board: Board, near: Detection, shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Return the rows and columns around the place of a whole board, of which points are known."""
+    homography, _ = cv2.findHomography(near.board_points, near.image_points)
+    points = near.image_points
+    if homography is not None:
+        predicted = cv2.perspectiveTransform(board.points[:, None], homography)[:, 0]
+        points = np.concatenate([points, predicted])
+    margin = np.maximum(_WINDOW_MARGIN * np.ptp(near.image_points, axis=0).max(), _MIN_MARGIN_PX)
+    size = np.array(shape[::-1])
+    low = np.clip(np.nan_to_num(points.min(axis=0) - margin), 0, size).astype(int)
+    high = np.clip(np.nan_to_num(points.max(axis=0) + margin), 0, size).astype(int)
+    high = np.maximum(high, np.minimum(low + _MIN_IMAGE_SIDE_PX, size))
+    return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
+
+
+def _moved(detection: Detection, offset_px: Ints) -> Detection:
+    """Return a detection in a window as one in the image."""
+    return replace(
+        detection,
+        image_points=detection.image_points + offset_px,
+        rejected=tuple(
+            replace(each, outline=each.outline + offset_px) for each in detection.rejected
+        ),
+    )
+
+
+def _detect_in(grey: NDArray[np.uint8], board: Board, min_marker_px: float) -> Detection:
     rejected: tuple[RejectedCandidate, ...] = ()
     if isinstance(board, Chessboard):
         ids, points, reason = find_chessboard(grey, board)

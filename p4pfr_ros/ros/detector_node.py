@@ -63,6 +63,8 @@ class DetectorNode(Node):  # type: ignore[misc]
         cv2.setNumThreads(options.opencv_threads)
         warm_up_detection()  # no image waits for the compiler
         self._boards = list(required_boards(self.get_name(), options.board_file).values())
+        # Each board is searched near its place in the image before.
+        self._before: list[Detection | None] = [None] * len(self._boards)
         self._rejections = CauseLog(self.get_logger())
         self._frame_id = ''
         self._misses = CauseLog(self.get_logger(), LoggingSeverity.INFO)
@@ -128,7 +130,12 @@ class DetectorNode(Node):  # type: ignore[misc]
             self._rejections.add(image)
             return
         began_s = time.monotonic()
-        detections = [detect(image, board) for board in self._boards]
+        min_marker_px = self._config.options.min_marker_px
+        detections = [
+            detect(image, board, near=before, min_marker_px=min_marker_px)
+            for board, before in zip(self._boards, self._before, strict=True)
+        ]
+        self._before = [None if each.reason else each for each in detections]
         self._publish(header, image, detections)
         self._health.processed(
             time.monotonic() - began_s, detected=any(not each.reason for each in detections)

@@ -123,6 +123,17 @@ def test_each_board_of_an_image_is_a_message_with_its_index(client):
     np.testing.assert_allclose(points[1].image_points, truth, atol=0.3)
 
 
+def test_a_board_that_jumps_is_found_in_the_next_image(client):
+    """It is searched near its last place first."""
+    for second, x in ((25, -0.25), (26, 0.25)):
+        pose = Pose(scenes.CAMERA_FROM_BOARD.rotation, np.array([x, 0.1 * np.sign(x), 1.0]))
+        image = render(BOARD, scenes.CAMERA, pose, scenes.SIZE, noise_sigma=1.0)
+        points = correspondences_from_cloud(client.detect(_raw(image), second))
+        assert len(points.ids) == len(BOARD.points)
+        truth = scenes.project(points.board_points, pose)
+        np.testing.assert_allclose(points.image_points, truth, atol=0.3)
+
+
 def test_colour_images_are_detected_as_well(client):
     """The conversion itself has its own tests."""
     colour = cv2.cvtColor(IMAGE, cv2.COLOR_GRAY2BGR)

@@ -63,6 +63,12 @@ class DetectorNodeOptions:
         high=64,
         read_only=True,
     )
+    min_marker_px: float = parameter(
+        8.0,
+        'Side of the smallest markers that are searched, pixels. Larger values save time.',
+        low=4.0,
+        high=10_000.0,
+    )
     image: ImageTopicOptions = field(default_factory=ImageTopicOptions)
 
 
