@@ -178,7 +178,8 @@ def _as_grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         raise ValueError(f'image must be (h, w) or (h, w, 3) of uint8, got {shape} of {dtype}')
     if len(shape) == 3 and image.size:
         image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    return np.ascontiguousarray(image.reshape(shape[:2]))
+    # Kernels are compiled for writable arrays; those of messages may be read-only.
+    return np.require(image.reshape(shape[:2]), requirements=['C', 'W'])
 
 
 def _rejected(reason: str, rejected: tuple[RejectedCandidate, ...] = ()) -> Detection:

@@ -61,7 +61,6 @@ class DetectorNode(Node):  # type: ignore[misc]
         self._config = Parameters(self, DetectorNodeOptions())
         options = self._config.options
         cv2.setNumThreads(options.opencv_threads)
-        warm_up_detection()  # no image waits for the compiler
         self._boards = list(required_boards(self.get_name(), options.board_file).values())
         # Each board is searched near its place in the image before.
         self._before: list[Detection | None] = [None] * len(self._boards)
@@ -72,6 +71,7 @@ class DetectorNode(Node):  # type: ignore[misc]
         self._annotated = advertise(self, Image, '~/image_annotated')
         self._diagnostics = advertise(self, DiagnosticArray, '/diagnostics')
         self._health = ImageHealth(time.monotonic())
+        warm_up_detection()  # no image waits for the compiler
         self._images = self._subscribed(options.image)
         self.create_timer(_PERIOD_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info('ready')

@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import gc
 
-import cv2
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose, SelfCalibration
 from p4pfr_ros.boards import Chessboard, Marker
-from p4pfr_ros.core.geometry import Array, Mask
+from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
 from p4pfr_ros.detection.aruco import marker_cells
-from p4pfr_ros.files.images import ImageArray
 
 _CAMERA = DivisionCamera(520.0, (319.5, 239.5), -0.2)
 _SIZE = (640, 480)
@@ -24,7 +22,6 @@ _TILTS = ((0.5, 0.3, 0.1), (0.1, 0.06, 0.1), (0.0, 0.0, 0.0))
 _TURN = (-0.3, 0.5, 0.8)
 _NOISE_PX = 0.3
 _IDEAL = EstimateOptions.ideal()
-_DICTIONARY = 'DICT_4X4_50'
 
 
 def warm_up() -> None:
@@ -46,32 +43,22 @@ def warm_up() -> None:
     another = _projected(board, _FACING @ _rotated(_TILTS[0]) @ _rotated(_TURN))
     for image in (views[0], views[0], another):
         calibration.update(image, board)
-    _freeze()
-
-
-def warm_up_detection() -> None:
-    """Detect a chessboard and markers: the kernels of all kinds of boards."""
-    row, column = np.indices((8, 9))
-    chessboard = _image((row + column) % 2 == 0, 30)
-    detect(chessboard, Chessboard(columns=8, rows=7, square_m=1.0))
-    for side_px in (20, 3):  # the edges of small and of large markers
-        marker = Marker(id=0, size_m=1.0, dictionary=_DICTIONARY)
-        detect(_image(marker_cells(_DICTIONARY, 0), side_px), marker)
-    _freeze()
-
-
-def _image(black: Mask, side_px: int) -> ImageArray:
-    """Draw cells with a white margin, slightly blurred."""
-    cells = np.where(np.pad(black, 2), 25, 220).astype(np.uint8)
-    image = np.kron(cells, np.ones((side_px, side_px), dtype=np.uint8))
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), 0.7), dtype=np.uint8)
-
-
-def _freeze() -> None:
     # All objects that exist now live until the process ends. Without freeze(), each full garbage
     # collection would visit them, which takes 0.1 s: up to a hundred messages.
     gc.collect()
     gc.freeze()
+
+
+def warm_up_detection() -> None:
+    """Detect a small chessboard and a marker, drawn pixel by pixel."""
+    squares = np.indices((7, 6)).sum(axis=0) % 2 == 0
+    marker = Marker(id=0, size_m=0.1, dictionary='DICT_4X4_50')
+    for black, board in (
+        (squares, Chessboard(columns=5, rows=6, square_m=0.02)),
+        (marker_cells(marker.dictionary, marker.id), marker),
+    ):
+        image = np.where(np.kron(black, np.ones((12, 12), dtype=bool)), 30, 220).astype(np.uint8)
+        detect(np.pad(image, 24, constant_values=220), board)
 
 
 def _rotated(rotation_rad: tuple[float, float, float]) -> Pose:
