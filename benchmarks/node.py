@@ -51,6 +51,29 @@ _COMMAND = 'python -m benchmarks.node'
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the benchmark and print the tables."""
+    options = _options(arguments)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    console = Console()
+    console.width = max(console.width, _WIDTH)
+    rclpy.init()
+    try:
+        if options.chain:
+            tables: list[Measured] = [chain_table(console, options.seconds)]
+            notes = [CHAIN_NOTE]
+        else:
+            tables, notes = _measured(console, options)
+    finally:
+        rclpy.try_shutdown()
+    for title, header, rows in tables:
+        console.print(table_of(title, header, rows))
+    console.print(*notes, sep='\n', soft_wrap=True)
+    if options.markdown:
+        command = f'{_COMMAND} --chain' if options.chain else _COMMAND
+        options.markdown.write_text(page_of(_TITLE, command, tables, notes), encoding='utf-8')
+    return 0
+
+
+def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog='python -m benchmarks.node', description=__doc__.split('\n\n')[0]
     )
@@ -76,26 +99,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         '--markdown', type=Path, metavar='FILE', help='also write the tables to FILE'
     )
-    options = parser.parse_args(arguments)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    console = Console()
-    console.width = max(console.width, _WIDTH)
-    rclpy.init()
-    try:
-        if options.chain:
-            tables: list[Measured] = [chain_table(console, options.seconds)]
-            notes = [CHAIN_NOTE]
-        else:
-            tables, notes = _measured(console, options)
-    finally:
-        rclpy.try_shutdown()
-    for title, header, rows in tables:
-        console.print(table_of(title, header, rows))
-    console.print(*notes, sep='\n', soft_wrap=True)
-    if options.markdown:
-        command = f'{_COMMAND} --chain' if options.chain else _COMMAND
-        options.markdown.write_text(page_of(_TITLE, command, tables, notes), encoding='utf-8')
-    return 0
+    return parser.parse_args(arguments)
 
 
 def _measured(console: Console, options: argparse.Namespace) -> tuple[list[Measured], list[str]]:

@@ -31,13 +31,20 @@ from p4pfr_ros.cli.arguments import (
     find_images,
     finite,
     in_range,
+    positive,
     require,
 )
 from p4pfr_ros.cli.terminal import print_table, with_progress
 from p4pfr_ros.core.cameras.camera_info import MAX_NUMBER
 from p4pfr_ros.detection import detect
 from p4pfr_ros.files.boards import load_board
-from p4pfr_ros.files.images import Decoding, image_or_reason, ImageArray, write_image
+from p4pfr_ros.files.images import (
+    Decoding,
+    DEFAULT_DECODING,
+    image_or_reason,
+    ImageArray,
+    write_image,
+)
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.report.drawing import annotate
 
@@ -111,6 +118,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add('images', nargs='+', type=Path, metavar='IMAGE', help='image, or directory of images')
     add('--board', required=True, metavar='FILE', help='board file (YAML)')
     add('--draw', type=Path, metavar='DIR', help=_DRAW_HELP)
+    add(
+        '--max-megapixels',
+        type=positive,
+        default=DEFAULT_DECODING.max_megapixels,
+        metavar='N',
+        help='larger images are rejected before they are decoded (default: %(default)g)',
+    )
     add('--json', action='store_true', help='print JSON lines instead of a table')
     add(
         '--center',
@@ -153,8 +167,10 @@ def run(arguments: argparse.Namespace) -> int:
         _prepare_drawing(arguments.draw, paths)
     estimates: list[ImageEstimate] = []
     failures: list[FailedImage] = []
+    # Only drawings need colour.
+    how = Decoding(as_grey=not arguments.draw, max_megapixels=arguments.max_megapixels)
     for path in with_progress(paths, len(paths), prints=arguments.json):
-        result = _estimate(path, board, center_px, options, arguments.draw)
+        result = _estimate(path, how, board, center_px, options, arguments.draw)
         if arguments.json:
             _print_json(result)
         if isinstance(result, ImageEstimate):
@@ -210,6 +226,7 @@ def _prepare_drawing(folder: Path, images: Iterable[Path]) -> None:
 
 def _estimate(
     path: Path,
+    how: Decoding,
     board: Board,
     center_px: tuple[float, float] | None,
     options: EstimateOptions,
@@ -224,7 +241,7 @@ def _estimate(
         The drawing cannot be written.
 
     """
-    image = image_or_reason(path, Decoding(as_grey=draw_folder is None))
+    image = image_or_reason(path, how)
     if isinstance(image, str):
         return FailedImage(path, image)
     detection = detect(image, board)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.boards import Chessboard
 from p4pfr_ros.core.geometry import Array, Ints, Mask
+from p4pfr_ros.detection.candidates import RejectedCandidate
 from p4pfr_ros.detection.saddle_lattice import find_saddles, lattices
 from p4pfr_ros.detection.saddles import refine_saddles
 
@@ -47,7 +48,9 @@ _MIN_AREA_OF_SECOND = 0.5
 _NOTHING = np.empty(0, dtype=np.int64), np.empty((0, 2))
 
 
-def find_chessboard(grey: NDArray[np.uint8], board: Chessboard) -> tuple[Ints, Array, str]:
+def find_chessboard(
+    grey: NDArray[np.uint8], board: Chessboard
+) -> tuple[Ints, Array, str, tuple[RejectedCandidate, ...]]:
     """
     Find a chessboard's inner corners in an image (h, w).
 
@@ -57,20 +60,32 @@ def find_chessboard(grey: NDArray[np.uint8], board: Chessboard) -> tuple[Ints, A
     Returns
     -------
     Ids (N,) (indices in the board's points) and corners (N, 2) px, empty if the board is not
-    found, and then the reason. Corners that cannot be fitted, such as covered ones, are left out.
+    found, and then the reason and the candidates. Corners that cannot be fitted, such as covered
+    ones, are left out.
 
     """
     name = f'{board.columns}x{board.rows} chessboard'
     best = _NOTHING
+    tried: list[Array] = []
     for grids in _search(grey, board.columns, board.rows):
         found = _distinct_boards(grey, grids)
         if len(found) > 1:
-            return *_NOTHING, f'{len(found)} {name}s found, of about the same size'
+            reason = f'{len(found)} {name}s found, of about the same size'
+            return *_NOTHING, reason, _rejected(grids, 'one of several equal boards')
+        tried += grids
         # Corners that are missing at this size of the image may be found at the next one.
         best = max(best, *found, key=lambda each: len(each[0])) if found else best
         if len(best[0]) == board.columns * board.rows:
             break
-    return *best, ('' if len(best[0]) else f'no {name} found')
+    if len(best[0]):
+        return *best, '', ()
+    return *best, f'no {name} found', _rejected(tried, 'its corners do not fit')
+
+
+def _rejected(grids: list[Array], reason: str) -> tuple[RejectedCandidate, ...]:
+    """Return the outlines of candidates, of those whose outermost corners are known."""
+    outlines = [grid[[0, 0, -1, -1], [0, -1, -1, 0]] for grid in grids]
+    return tuple(RejectedCandidate(o, reason) for o in outlines if np.isfinite(o).all())
 
 
 def _distinct_boards(grey: NDArray[np.uint8], grids: list[Array]) -> list[tuple[Ints, Array]]:

@@ -26,7 +26,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from p4pfr_ros.boards import CircleGrid
 from p4pfr_ros.core.geometry import Array, Ints, Mask
 from p4pfr_ros.detection.candidates import RejectedCandidate
@@ -44,6 +44,8 @@ _DRAWN_SIDE_PX, _DRAWN_RADIUS_PX, _SHIFT = 800.0, 3, 4
 # The window of a circle reaches this far into the white gap to its nearest neighbour. The ink is
 # counted within it, and the level of the paper is taken from its outer part.
 _WINDOW_IN_GAPS = 0.5
+# More paper than blur reaches adds only noise.
+_WINDOW_PX, _WINDOW_IN_RADII = 4.0, 0.1
 _PAPER_FROM = 0.9
 # Acceptance: a minimum contrast, in grey levels; the area of the ink, in areas of the projected
 # circle; and the largest distance from the map of the whole grid, in pixels and medians.
@@ -56,11 +58,25 @@ _CORRECTIONS = 2
 _OUTLINE_VERTICES = 48
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class LensMiddle:
+    """Where the middle of the whole image is (2,) px, and half of the image's diagonal, px."""
+
+    at_px: Array
+    unit_px: float
+
+    @classmethod
+    def of(cls, shape: tuple[int, ...], offset_px: ArrayLike = 0.0) -> LensMiddle:
+        """Return that of an image (h, w), seen from a part of it that begins at an offset."""
+        middle_px = 0.5 * (np.array(shape[1::-1]) - 1.0)
+        return cls(middle_px - np.asarray(offset_px), float(np.linalg.norm(middle_px)))
+
+
 def find_circle_grid(
-    grey: NDArray[np.uint8], board: CircleGrid
+    grey: NDArray[np.uint8], board: CircleGrid, lens: LensMiddle
 ) -> tuple[Ints, Array, tuple[RejectedCandidate, ...]]:
     """
-    Find a grid's circles in an image (h, w).
+    Find a grid's circles in an image (h, w), or a part of one; lens: the middle of the whole one.
 
     Returns
     -------
@@ -70,16 +86,15 @@ def find_circle_grid(
 
     """
     blobs, diameters_px = _blobs(grey, board)
-    found = _search(grey, board, blobs)
+    found = _search(board, blobs, lens)
     if found is None:
         return *_NOTHING, _rejected(blobs, diameters_px, 'circle, but no grid')
-    middle_px = 0.5 * (np.array(grey.shape[::-1]) - 1.0)
-    centres, good = _centroids(grey, board, _GridMap.fitted(board.points, found, middle_px))
+    centres, good = _centroids(grey, board, _GridMap.fitted(board.points, found, lens))
     if good.sum() < max(4, board.columns):
         return *_NOTHING, _rejected(blobs, diameters_px, 'not a whole circle on white')
     corrected = centres
     for _ in range(_CORRECTIONS):
-        grid_map = _GridMap.fitted(board.points[good], corrected[good], middle_px)
+        grid_map = _GridMap.fitted(board.points[good], corrected[good], lens)
         corrected = centres - _centroid_offsets(board, grid_map)
     misfit_px = np.linalg.norm(corrected - grid_map.pixels(board.points), axis=1)
     good &= misfit_px < _MAX_MISFIT_PX + _MAX_MISFIT_IN_MEDIANS * np.median(misfit_px[good])
@@ -103,14 +118,13 @@ def _blobs(grey: NDArray[np.uint8], board: CircleGrid) -> tuple[Array, Array]:
     return middles, np.array([blob.size for blob in found])
 
 
-def _search(grey: NDArray[np.uint8], board: CircleGrid, blobs: Array) -> Array | None:
+def _search(board: CircleGrid, blobs: Array, lens: LensMiddle) -> Array | None:
     """Return OpenCV's centres (N, 2) px in the order of the board's points, or None."""
     if not len(board.points) <= len(blobs) <= _MAX_BLOBS:
         return None
-    middle_px = 0.5 * (np.array(grey.shape[::-1]) - 1.0)
-    r2 = np.sum((blobs - middle_px) ** 2, axis=1) / np.sum(middle_px**2)
+    r2 = np.sum((blobs - lens.at_px) ** 2, axis=1) / lens.unit_px**2
     for bend in _BENDS:
-        straight = middle_px + (blobs - middle_px) / (1.0 + bend * r2)[:, None]
+        straight = lens.at_px + (blobs - lens.at_px) / (1.0 + bend * r2)[:, None]
         ids = _grid_among(straight, board)
         if ids is not None:
             order = _order_as_printed(straight[ids], board)
@@ -202,19 +216,18 @@ class _GridMap:
     """
     Map from the board to the image: a homography, then the division model about a middle.
 
-    With d = pixel - middle, in units of ``unit_px``:  (d, 1 + k |d|²) ~ H (x, y, 1).
+    With d = pixel - middle, in units of half the diagonal:  (d, 1 + k |d|²) ~ H (x, y, 1).
     """
 
     homography: Array
     k: float
-    middle_px: Array
-    unit_px: float
+    lens: LensMiddle
 
     @classmethod
-    def fitted(cls, board_points: Array, pixels: Array, middle_px: Array) -> _GridMap:
+    def fitted(cls, board_points: Array, pixels: Array, lens: LensMiddle) -> _GridMap:
         """Fit the map to correspondences (N, 2), in two linear steps."""
-        unit_px, scale = float(np.linalg.norm(middle_px)), np.abs(board_points).max()
-        d = (pixels - middle_px) / unit_px
+        scale = np.abs(board_points).max()
+        d = (pixels - lens.at_px) / lens.unit_px
         b = np.pad(board_points / scale, ((0, 0), (0, 1)), constant_values=1.0)
         # The direction from the middle does not depend on the lens:  dx (h2 b) = dy (h1 b).
         rows = np.concatenate([-d[:, 1:] * b, d[:, :1] * b], axis=1)
@@ -227,7 +240,7 @@ class _GridMap:
         system = np.column_stack([r2[:, None] * b, -r2 * along])
         *lower, k = np.linalg.lstsq(system, along, rcond=None)[0]
         homography = np.vstack([upper, lower]) @ np.diag([1.0 / scale, 1.0 / scale, 1.0])
-        return cls(homography, float(k), middle_px, unit_px)
+        return cls(homography, float(k), lens)
 
     def pixels(self, board_points: Array) -> Array:
         """Map points (..., 2) of the board to pixels (..., 2)."""
@@ -236,7 +249,7 @@ class _GridMap:
         # d = s q with k |q|² s² - q₃ s + 1 = 0; this root, so written, is finite at k = 0.
         disc = q[..., 2] ** 2 - 4.0 * self.k * np.sum(q[..., :2] ** 2, axis=-1)
         s = 2.0 / (q[..., 2] + np.sqrt(np.maximum(disc, 0.0)))
-        pixels: Array = self.middle_px + self.unit_px * s[..., None] * q[..., :2]
+        pixels: Array = self.lens.at_px + self.lens.unit_px * s[..., None] * q[..., :2]
         return pixels
 
     def jacobian(self, board_points: Array) -> Array:
@@ -258,9 +271,11 @@ def _centroids(
     good = np.zeros(len(points), dtype=bool)
     for n, jacobian in enumerate(jacobians):
         radii_px = 0.5 * board.diameter_m * jacobian
-        centroid = _centroid(grey, centres[n], radii_px, reach)
+        window = 1.0 + _WINDOW_IN_RADII + _WINDOW_PX / np.sqrt(abs(np.linalg.det(radii_px)))
+        window = min(reach, float(window))
+        centroid = _centroid(grey, centres[n], radii_px, window)
         if centroid is not None and np.abs(centroid - centres[n]).max() > _OFF_CENTRE_PX:
-            centroid = _centroid(grey, centroid, radii_px, reach)
+            centroid = _centroid(grey, centroid, radii_px, window)
         if centroid is not None:
             centres[n], good[n] = centroid, True
     return centres, good

@@ -28,7 +28,7 @@ from p4pfr_ros.detection.aruco import check_markers, MIN_MARKER_PX
 from p4pfr_ros.detection.candidates import RejectedCandidate
 from p4pfr_ros.detection.charuco import find_charuco
 from p4pfr_ros.detection.chessboard import find_chessboard
-from p4pfr_ros.detection.circle_grid import find_circle_grid
+from p4pfr_ros.detection.circle_grid import find_circle_grid, LensMiddle
 from p4pfr_ros.detection.markers import find_markers
 
 # OpenCV's detectors raise on smaller images, in which no board could be resolved anyway.
@@ -109,10 +109,12 @@ def detect(
         window = np.ascontiguousarray(grey[rows, columns])
         is_small = window.size < _MAX_WINDOW * grey.size
         if is_small and min(window.shape) >= _MIN_IMAGE_SIDE_PX:
-            detection = _detect_in(window, board, min_marker_px)
+            offset_px = np.array([columns.start, rows.start])
+            lens = LensMiddle.of(grey.shape, offset_px)
+            detection = _detect_in(window, board, min_marker_px, lens)
             if len(detection.ids) >= len(near.ids):
-                return _moved(detection, np.array([columns.start, rows.start]))
-    return _detect_in(grey, board, min_marker_px)
+                return _moved(detection, offset_px)
+    return _detect_in(grey, board, min_marker_px, LensMiddle.of(grey.shape))
 
 
 def _window(board: Board, near: Detection, shape: tuple[int, ...]) -> tuple[slice, slice]:
@@ -141,12 +143,14 @@ def _moved(detection: Detection, offset_px: Ints) -> Detection:
     )
 
 
-def _detect_in(grey: NDArray[np.uint8], board: Board, min_marker_px: float) -> Detection:
+def _detect_in(
+    grey: NDArray[np.uint8], board: Board, min_marker_px: float, lens: LensMiddle
+) -> Detection:
     rejected: tuple[RejectedCandidate, ...] = ()
     if isinstance(board, Chessboard):
-        ids, points, reason = find_chessboard(grey, board)
+        ids, points, reason, rejected = find_chessboard(grey, board)
     elif isinstance(board, CircleGrid):
-        ids, points, rejected = find_circle_grid(grey, board)
+        ids, points, rejected = find_circle_grid(grey, board, lens)
         reason = (
             f'no grid of {board.columns}x{board.rows} circles found among {len(rejected)} dark '
             'circles'

@@ -31,8 +31,9 @@ _FAILURES = {
     NO_EDGES: 'not dark inside and bright outside along its edges (narrow margin, or covered)',
     OTHER_CODE: 'its code is not at its fitted edges',
 }
-# Markers whose corners predict the place of another one.
-_NEIGHBOURS = 4
+# Number of markers whose corners predict the place of another one: several are more precise, the
+# nearest alone is less affected by a wide lens.
+_NEIGHBOURS = (4, 1)
 
 
 def find_markers(
@@ -67,25 +68,16 @@ def _completed(grey: NDArray[np.uint8], board: MarkerBoard, markers: BoardMarker
     """
     found = dict(zip(markers.indices.tolist(), markers.corners, strict=True))
     inverted = bool(markers.inverted.all())
-    size = np.array(grey.shape[::-1])
-    left = [
-        n for n, i in enumerate(board.marker_ids) if n not in found and i not in markers.repeated
-    ]
-    while left:
-        predicted = np.array([_predicted(board, found, n) for n in left])
-        visible = ((predicted >= 0.0) & (predicted <= size - 1.0)).all(axis=(1, 2))
-        tried, quads = np.array(left)[visible], predicted[visible]
-        if not len(tried):
-            break
-        legible = are_legible(grey, board, quads, tried)
-        tried, quads = tried[legible], quads[legible]
-        refined, _ = _refined(grey, board, quads, tried, np.full(len(tried), inverted))
-        fitted = np.isfinite(refined).all(axis=(1, 2))
-        new = dict(zip(tried[fitted].tolist(), refined[fitted], strict=True))
-        if not new:
-            break
-        found |= new
-        left = [n for n in left if n not in new]
+    for neighbours in _NEIGHBOURS:
+        new: dict[int, Array] | None = None
+        while new is None or new:
+            left = [
+                n
+                for n, marker_id in enumerate(board.marker_ids)
+                if n not in found and marker_id not in markers.repeated
+            ]
+            new = _found_as_predicted(grey, board, found, left, neighbours, inverted=inverted)
+            found |= new
     order = sorted(found)
     return replace(
         markers,
@@ -95,12 +87,36 @@ def _completed(grey: NDArray[np.uint8], board: MarkerBoard, markers: BoardMarker
     )
 
 
-def _predicted(board: MarkerBoard, found: dict[int, Array], index: int) -> Array:
+def _found_as_predicted(
+    grey: NDArray[np.uint8],
+    board: MarkerBoard,
+    found: dict[int, Array],
+    left: list[int],
+    neighbours: int,
+    *,
+    inverted: bool,
+) -> dict[int, Array]:
+    """Return the corners (4, 2) px, by index, of markers that are where the others suggest."""
+    predicted = np.array([_predicted(board, found, n, neighbours) for n in left])
+    predicted = predicted.reshape(-1, 4, 2)
+    last = np.array(grey.shape[::-1]) - 1.0
+    visible = ((predicted >= 0.0) & (predicted <= last)).all(axis=(1, 2))
+    tried, quads = np.array(left, dtype=np.int64)[visible], predicted[visible]
+    if not len(tried):
+        return {}
+    legible = are_legible(grey, board, quads, tried)
+    tried, quads = tried[legible], quads[legible]
+    refined, _ = _refined(grey, board, quads, tried, np.full(len(tried), inverted))
+    fitted = np.isfinite(refined).all(axis=(1, 2))
+    return dict(zip(tried[fitted].tolist(), refined[fitted], strict=True))
+
+
+def _predicted(board: MarkerBoard, found: dict[int, Array], index: int, neighbours: int) -> Array:
     """Return the corners (4, 2) px of a marker as the nearest found markers suggest."""
     on_board = board.marker_corners
     known = np.array(list(found))
     distance = np.linalg.norm(on_board[known].mean(axis=1) - on_board[index].mean(axis=0), axis=1)
-    nearest = known[np.argsort(distance)[:_NEIGHBOURS]]
+    nearest = known[np.argsort(distance)[:neighbours]]
     homography, _ = cv2.findHomography(
         on_board[nearest].reshape(-1, 2), np.concatenate([found[n] for n in nearest.tolist()])
     )

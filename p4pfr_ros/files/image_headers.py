@@ -61,8 +61,9 @@ def _unpacked(layout: str, data: bytes, at: int) -> tuple[int, int]:
 
 def _jpeg_size(data: bytes) -> tuple[int, int] | None:
     # Segments are FF, their type, and their length, which includes the two bytes of the length.
+    # Decoders skip bytes between segments.
     at = len(_JPEG)
-    while at + 4 <= len(data) and data[at] == 0xFF:
+    while (at := data.find(b'\xff', at)) >= 0 and at + 4 <= len(data):
         kind = data[at + 1]
         if kind in _START_OF_FRAME:
             height, width = _unpacked('>HH', data, at + 5)

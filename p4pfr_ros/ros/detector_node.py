@@ -71,7 +71,7 @@ class DetectorNode(Node):  # type: ignore[misc]
         self._annotated = advertise(self, Image, '~/image_annotated')
         self._diagnostics = advertise(self, DiagnosticArray, '/diagnostics')
         self._health = ImageHealth(time.monotonic())
-        warm_up_detection()
+        warm_up_detection()  # no image waits for the compiler
         self._images = self._subscribed(options.image)
         self.create_timer(_PERIOD_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info('ready')

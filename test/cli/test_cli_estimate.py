@@ -171,6 +171,12 @@ def test_draw_shows_why_there_is_no_estimate(tmp_path, capsys):
     assert 'no 9x6 chessboard found' in capsys.readouterr().err
 
 
+def test_large_images_are_rejected_by_their_size(scenes, capsys):
+    assert estimate(scenes / 'a.png', '--max-megapixels', '0.3') == 1
+    assert 'a.png: expected at most 0.3 megapixels' in capsys.readouterr().err
+    assert estimate(scenes / 'a.png', '--max-megapixels', '0.31') == 0
+
+
 def test_draw_does_not_write_two_images_to_one_file(scenes, tmp_path, capsys):
     twin = tmp_path / 'a.png'
     assert estimate(scenes / 'a.png', twin, '--draw', tmp_path / 'drawn') == 1

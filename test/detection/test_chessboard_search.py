@@ -99,7 +99,9 @@ def test_of_two_boards_the_larger_one_is_meant():
     assert_detected(image, PINHOLE, pose)
     twice = np.hstack([small, np.full((120, 17), 60, np.uint8), small])
     reason = '2 9x6 chessboards found, of about the same size'
-    assert detect(twice, BOARD).reason == reason
+    detection = detect(twice, BOARD)
+    assert detection.reason == reason
+    assert len(detection.rejected) == 2
 
 
 def test_saddles_lie_on_the_corners_with_their_edges_near_the_lines():

@@ -72,6 +72,18 @@ def test_other_grids_are_found_in_one_of_their_turns(board, roll_deg):
     assert up[int(np.argmin(errors))] == min(up)
 
 
+def test_the_correction_does_not_depend_on_the_window_of_the_search():
+    """The lens is that of the whole image, also where only a part of it is searched."""
+    camera, pose = CAMERAS['wide'], seen_from(0.3, (0.6, -0.3), 0.2, (0.5, -0.3))
+    image = render(LARGE, camera, pose, SIZE, **REAL_LENS)
+    truth = project(camera, pose, LARGE.points)
+    whole = detect(image, LARGE)
+    near = detect(image, LARGE, near=whole)
+    assert len(near.ids) == len(LARGE.points)
+    assert np.abs(near.image_points - truth).max() < 0.06
+    np.testing.assert_allclose(near.image_points, whole.image_points, atol=0.01)
+
+
 def test_covered_circles_are_left_out():
     """A circle half covered by something dark has another centroid."""
     camera, pose = CAMERAS['pinhole'], seen_from(0.45, (0.3, 0.2))

@@ -41,6 +41,12 @@ def test_sizes_are_read_from_the_header(ending, size):
         assert size_of(data[:1000]) == size
 
 
+def test_bytes_between_the_segments_of_a_jpeg_are_skipped():
+    """As decoders do."""
+    data = cv2.imencode('.jpg', IMAGE)[1].tobytes()
+    assert size_of(data[:2] + b'\0\0\xff' + data[2:]) == SIZE
+
+
 def test_large_images_are_rejected_before_they_are_decoded(tmp_path, monkeypatch):
     """A small file with 100 megapixels."""
     path = tmp_path / 'bomb.png'
