@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.boards import Charuco, MarkerBoard
 from p4pfr_ros.core.geometry import Array, Ints, Mask
-from p4pfr_ros.detection.aruco import detect_markers
+from p4pfr_ros.detection.aruco import detect_markers, dictionary_size
 from p4pfr_ros.detection.cells import (
     dark_sides,
     expected_cells,
@@ -38,9 +38,10 @@ NO_CODE = 'no code'
 # Cells of the border and of the code that may be misread, as shares of their number.
 # Where a certain marker is expected, more may be: chance spells one code less often than any.
 _MISREAD_IN_BORDER, _MISREAD_WHERE_EXPECTED = 0.1, 0.12
-# Markers of other boards are searched in an image of this size, without any of the board: OpenCV
-# compares each quadrilateral with all codes of a dictionary.
-_SIDE_FOR_OTHERS_PX, _SMALLEST_OTHER_PX = 320.0, 12.0
+# Markers of other boards are searched in an image of this size, without any of the board, and not
+# in clutter: OpenCV compares each quadrilateral with all codes of a dictionary.
+_MAX_COMPARISONS = 8_000
+_SIDE_FOR_OTHERS_PX, _SMALLEST_OTHER_PX = 320.0, 20.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,7 +113,8 @@ def find_board_markers(
         min_marker_px=min_marker_px,
     )
     index_of = {marker_id: index for index, marker_id in enumerate(board.marker_ids)}
-    others = [] if len(ids) or not len(quads) else _markers_of_others(grey, board)
+    is_cheap = len(quads) * dictionary_size(board.dictionary) <= _MAX_COMPARISONS
+    others = _markers_of_others(grey, board) if is_cheap and not len(ids) and len(quads) else []
     if isinstance(board, Charuco) or board.inverted is not False:
         borders = isinstance(board, Charuco)
         inverted, reasons = _inspected(grey, board, corners, ids, borders=borders)

@@ -90,7 +90,8 @@ def detect(
         in the whole image if it is not there with at least as many points. A second, equal board
         elsewhere is not noticed meanwhile.
     min_marker_px
-        Side of the smallest markers, pixels. Larger values save time.
+        Side of the smallest markers, pixels. Larger values save time; below 12 px, the search
+        takes four times as long.
 
     Raises
     ------

@@ -241,4 +241,4 @@ def test_markers_of_sixteen_pixels_are_found_in_images_of_all_sizes(width):
         truth = project(camera, pose, marker.points)
         assert len(detection.ids) == 4
         assert np.linalg.norm(detection.image_points - truth, axis=1).max() < 0.6
-        assert detect(image, marker, min_marker_px=24.0).reason.startswith('no marker')
+        assert detect(image, marker, min_marker_px=40.0).reason.startswith('no marker')

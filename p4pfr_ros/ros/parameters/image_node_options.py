@@ -64,8 +64,9 @@ class DetectorNodeOptions:
         read_only=True,
     )
     min_marker_px: float = parameter(
-        8.0,
-        'Side of the smallest markers that are searched, pixels. Larger values save time.',
+        14.0,
+        'Side of the smallest markers that are searched, pixels. Larger values save time; below '
+        '12 px, the search takes four times as long.',
         low=4.0,
         high=10_000.0,
     )
