@@ -75,6 +75,8 @@ _RESTART_PX, _MAX_RESTARTS = 2.0, 3
 # many parts of an edge, in contrasts (half differences), of which 2 is a sharp edge. A part in
 # shadow has less.
 _PARTS, _MIN_STEP = 6, 0.4
+# Largest distance of a part's own edge from the curve.
+_MAX_OFF_PX, _MAX_OFF_IN_STRIPS = 0.2, 0.15
 # Where the image outside of an edge is darker than so much of the contrast, the margin ends.
 _MIN_BRIGHTNESS = 0.6
 # In a narrower margin blur leaves no white, and the fit is biased.
@@ -280,7 +282,7 @@ def _fit_edges(
             if turn > 1 and outside_px < _MIN_MARGIN_PX:
                 return False
         # In a strip that reaches beyond the margin, the fit is biased.
-        if not good or outside_px < math.inf or not _is_edge_everywhere(samples, edge):
+        if not good or outside_px < math.inf or not _is_edge_everywhere(samples, edge, strip_px):
             return False
     return True
 
@@ -309,25 +311,32 @@ def _bright_px(samples: Array, edge: Array, strip_px: float) -> float:
 
 
 @kernel
-def _is_edge_everywhere(samples: Array, edge: Array) -> bool:
-    """Return whether each part of an edge is dark inside and bright outside."""
+def _is_edge_everywhere(samples: Array, edge: Array, strip_px: float) -> bool:
+    """Return whether each part of an edge is dark inside and bright outside, and on the curve."""
     per_part = samples.shape[1] // _PARTS
     for part in range(_PARTS):
-        inner, outer, inside, outside = 0.0, 0.0, 0, 0
+        inner, outer, total, inside, outside, count = 0.0, 0.0, 0.0, 0, 0, 0
         for k in range(part * per_part, (part + 1) * per_part):
             u = samples[0, k]
             e = samples[1, k] - (edge[0] + u * (edge[1] + u * (edge[2] + u * edge[3])))
             if samples[3, k] == 0.0:
                 continue
-            if e > 0.0:
+            total += samples[2, k]
+            count += 1
+            if e > 0.4 * strip_px:
                 outer += samples[2, k]
                 outside += 1
-            else:
+            elif e < -0.4 * strip_px:
                 inner += samples[2, k]
                 inside += 1
         if not inside or not outside:
             continue  # beyond the image
-        if outer / outside - inner / inside < _MIN_STEP * edge[6]:
+        inner, outer = inner / inside, outer / outside
+        if outer - inner < _MIN_STEP * edge[6]:
+            return False
+        # The mean level of the strip tells where the step from dark to bright is.
+        off_px = strip_px * (1.0 - 2.0 * (total / count - inner) / (outer - inner))
+        if abs(off_px) > _MAX_OFF_PX + _MAX_OFF_IN_STRIPS * strip_px:
             return False
     return True
 

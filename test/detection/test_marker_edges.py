@@ -3,6 +3,8 @@
 
 """Refinement of markers with sharp, displaced, bent or missing edges."""
 
+import itertools
+
 from board_views import CENTER, project, seen_from, SIZE
 import cv2
 import numpy as np
@@ -10,7 +12,7 @@ from p4pfr_ros.boards import Marker
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.detection import detect
 from p4pfr_ros.detection.aruco import marker_cells
-from p4pfr_ros.detection.marker_edges import FOUND, NO_EDGES, OTHER_CODE, refine_markers
+from p4pfr_ros.detection.marker_edges import DOUBTFUL, FOUND, NO_EDGES, OTHER_CODE, refine_markers
 from p4pfr_ros.rendering import render
 from p4pfr_ros.rendering.rasterizer import coverage
 import pytest
@@ -136,3 +138,18 @@ def test_a_marker_on_paper_with_a_narrow_margin_is_right_or_absent(margin_cells,
     else:
         truth = project(camera, pose, MARKER.points)
         assert largest_error_px(detection.image_points, truth) < 1.0
+
+
+def test_a_shadow_across_a_marker_gives_right_corners_or_none():
+    """Its border is dark on one side and bright on the other, too."""
+    image, corners = black_square(100)
+    x, y = np.meshgrid(*[np.arange(len(image))] * 2)
+    found = 0
+    for angle, light in itertools.product(np.arange(0.0, np.pi, 0.3), (0.3, 0.6, 0.85)):
+        offset = np.cos(angle) * (x - 75.0) + np.sin(angle) * (y - 95.0)
+        shaded = np.where(offset > 0.0, image, light * image).astype(np.uint8)
+        shaded = cv2.GaussianBlur(shaded, (0, 0), 0.7)
+        refined_corners, (status,) = refine_markers(shaded, corners[None], ALL_BLACK[None])
+        found += status >= DOUBTFUL
+        assert status < DOUBTFUL or largest_error_px(refined_corners, corners) < 1.0
+    assert found > 0
