@@ -24,6 +24,7 @@ _FORMATS = 'png, jpg, bmp, webp, tiff, pnm'
 _JPEG_BEGINS, _JPEG_ENDS = b'\xff\xd8', b'\xff\xd9'
 _JPEG_SCAN = 0xDA
 _PNG_BEGINS, _PNG_ENDS = b'\x89PNG\r\n\x1a\n', b'IEND'
+_TRUNCATED = 'expected a complete image, got a truncated file'
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,13 +87,15 @@ def image_or_reason(
         return f'expected a readable image: {error.strerror}'
     # OpenCV decodes truncated files as well, and fills the rest with grey.
     if _is_truncated(data):
-        return 'expected a complete image, got a truncated file'
+        return _TRUNCATED
     image = decode_image(data, how)
     return image.reason if isinstance(image, Unreadable) else image
 
 
 def decode_image(data: bytes, how: Decoding = DEFAULT_DECODING) -> ImageArray | Unreadable:
     """Decode the content of an image file like `read_image`."""
+    if data.startswith(_PNG_BEGINS) and not _has_all_chunks(data):
+        return Unreadable('truncated', _TRUNCATED)
     size = size_of(data)
     if size is None:
         return Unreadable('encoding', f'expected an image ({_FORMATS}), got another format')
@@ -145,9 +148,22 @@ def write_image(path: str | os.PathLike[str], image: ImageArray) -> None:
 
 def _is_truncated(data: bytes) -> bool:
     if data.startswith(_PNG_BEGINS):
-        return _PNG_ENDS not in data
+        return not _has_all_chunks(data)
     if data.startswith(_JPEG_BEGINS):
         return data.find(_JPEG_ENDS, _scan_offset(data)) < 0
+    return False
+
+
+def _has_all_chunks(data: bytes) -> bool:
+    """Return whether the chunks of a PNG up to its end are within the data."""
+    # A chunk is its length, type, content and checksum. OpenCV 5 allocates what a length states,
+    # gigabytes for a damaged one.
+    at = len(_PNG_BEGINS)
+    while at + 12 <= len(data):
+        kind = data[at + 4 : at + 8]
+        at += 12 + int.from_bytes(data[at : at + 4], 'big')
+        if kind == _PNG_ENDS:
+            return at <= len(data)
     return False
 
 

@@ -9,7 +9,7 @@ from board_views import BOARDS, CAMERAS, seen_from, SIZE
 import cv2
 import numpy as np
 from p4pfr_ros.files.image_headers import size_of
-from p4pfr_ros.files.images import read_image, write_image
+from p4pfr_ros.files.images import decode_image, read_image, write_image
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.rendering import render
 import pytest
@@ -55,6 +55,13 @@ def test_large_images_are_rejected_before_they_are_decoded(tmp_path, monkeypatch
     monkeypatch.delattr(cv2, 'imdecode')
     with pytest.raises(ConfigError, match=r'at most 64 megapixels .*got 100.0 \(10000x10000\)'):
         read_image(path)
+
+
+def test_a_chunk_of_a_png_is_within_the_file():
+    """A damaged length is not allocated: it states three gigabytes."""
+    data = bytearray(cv2.imencode('.png', IMAGE)[1].tobytes())
+    data[data.index(b'IDAT') - 4] = 0xB9
+    assert decode_image(bytes(data)).cause == 'truncated'
 
 
 def test_deep_image_files_are_scaled_by_their_content(tmp_path):

@@ -226,8 +226,9 @@ def test_compressed_images_are_decoded():
     jpeg = cv2.imencode('.jpg', BGR, [cv2.IMWRITE_JPEG_QUALITY, 98])[1].tobytes()
     decoded = image_from_compressed(_compressed('bgr8; jpeg compressed bgr8', jpeg))
     np.testing.assert_allclose(decoded.astype(int), BGR.astype(int), atol=12)
-    for data in (b'', b'garbage', png[:40]):
+    for data in (b'', b'garbage'):
         assert image_from_compressed(_compressed('png', data)).cause == 'encoding'
+    assert image_from_compressed(_compressed('png', png[:40])).cause == 'truncated'
 
 
 def test_the_exif_orientation_is_not_applied():
