@@ -48,7 +48,7 @@ demo: venv
 # DDS tests run last and alone, because their processes need the cores. They mostly wait, so two
 # modules run at a time, each in its own DDS domain.
 test: venv
-	$(BIN)/python -c 'from p4pfr_ros.ros.runtime.warm_up import warm_up; warm_up()' & compiler=$$!; \
+	$(BIN)/python -c 'from p4pfr_ros.ros.runtime.warm_up import *; warm_up(); warm_up_detection()' & compiler=$$!; \
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 1 test/core; status=$$?; \
 	wait $$compiler && exit $$status
 	$(BIN)/python -m pytest -m 'not dds' -n auto --dist loadscope

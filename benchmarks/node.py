@@ -5,8 +5,10 @@
 pose_node under load, over DDS: latency, highest message rate, memory.
 
     python -m benchmarks.node [--points N ...] [--rates HZ ...] [--markdown FILE] [--help]
+    python -m benchmarks.node --chain
 
 Three processes: pose_node, an echo node for comparison, and this one, which sends and receives.
+With --chain, the latency from image to pose instead: camera driver, detector_node, pose_node.
 """
 
 from __future__ import annotations
@@ -24,11 +26,12 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rich.console import Console
 
+from .node_chain import CHAIN_NOTE, chain_table
 from .node_load import DEPTH, LoadGenerator, Run
 from .node_process import MeasuredProcess
 from .node_report import LATENCY_HEADER, NOTE, RATE_HEADER
 from .node_views import IMAGE_SIZE, MARKER_M, POINTS, Views, views_of
-from .tables import page_of, Row, table_of
+from .tables import Measured, page_of, Row, table_of
 
 RATES_HZ = (30, 200, 1000)
 LADDER_HZ = (500, 750, 1000, 1250, 1500, 2000, 2500, 3000, 4000)
@@ -41,8 +44,6 @@ _WARM_UP, _WARM_UP_HZ = 2000, 250.0
 _MIN_MESSAGES = 150  # per case and rate
 _ROUNDS = 5  # each round runs all cases of a rate, so that disturbances affect all of them
 
-Table = tuple[str, Row, list[Row]]
-
 _WIDTH = 170
 _TITLE = 'pose_node under load, measured'
 _COMMAND = 'python -m benchmarks.node'
@@ -50,6 +51,29 @@ _COMMAND = 'python -m benchmarks.node'
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the benchmark and print the tables."""
+    options = _options(arguments)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    console = Console()
+    console.width = max(console.width, _WIDTH)
+    rclpy.init()
+    try:
+        if options.chain:
+            tables: list[Measured] = [chain_table(console, options.seconds)]
+            notes = [CHAIN_NOTE]
+        else:
+            tables, notes = _measured(console, options)
+    finally:
+        rclpy.try_shutdown()
+    for title, header, rows in tables:
+        console.print(table_of(title, header, rows))
+    console.print(*notes, sep='\n', soft_wrap=True)
+    if options.markdown:
+        command = f'{_COMMAND} --chain' if options.chain else _COMMAND
+        options.markdown.write_text(page_of(_TITLE, command, tables, notes), encoding='utf-8')
+    return 0
+
+
+def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog='python -m benchmarks.node', description=__doc__.split('\n\n')[0]
     )
@@ -70,29 +94,18 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument('--latency-only', action='store_true', help='skip highest rate and memory')
     parser.add_argument(
+        '--chain', action='store_true', help='measure the chain from image to pose instead'
+    )
+    parser.add_argument(
         '--markdown', type=Path, metavar='FILE', help='also write the tables to FILE'
     )
-    options = parser.parse_args(arguments)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    console = Console()
-    console.width = max(console.width, _WIDTH)
-    rclpy.init()
-    try:
-        tables, notes = _measured(console, options)
-    finally:
-        rclpy.try_shutdown()
-    for title, header, rows in tables:
-        console.print(table_of(title, header, rows))
-    console.print(*notes, sep='\n', soft_wrap=True)
-    if options.markdown:
-        options.markdown.write_text(page_of(_TITLE, _COMMAND, tables, notes), encoding='utf-8')
-    return 0
+    return parser.parse_args(arguments)
 
 
-def _measured(console: Console, options: argparse.Namespace) -> tuple[list[Table], list[str]]:
+def _measured(console: Console, options: argparse.Namespace) -> tuple[list[Measured], list[str]]:
     """Run all measurements; return the tables and the notes below them."""
     latencies: list[Row] = []
-    tables: list[Table] = [('Latency', LATENCY_HEADER, latencies)]
+    tables: list[Measured] = [('Latency', LATENCY_HEADER, latencies)]
     notes = [NOTE]
     for points in options.points:
         with _loads(views_of(points)) as (views, loads):

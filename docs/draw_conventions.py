@@ -21,7 +21,7 @@ from matplotlib.patheffects import withStroke
 import numpy as np
 from p4pfr_ros.boards import Marker
 from p4pfr_ros.boards.conventions import Convention, CONVENTIONS, CORNER_ORDERS
-from p4pfr_ros.rendering.pattern import black_quads
+from p4pfr_ros.rendering.pattern import black_shapes
 from p4pfr_ros.report.figure_style import STYLE
 
 TAG = Marker(id=0, size_m=1.0, dictionary='DICT_APRILTAG_36h11')
@@ -65,7 +65,7 @@ def _distinct_conventions() -> list[tuple[list[str], Convention]]:
 def _draw_marker(axes: Any, names: list[str], convention: Convention) -> None:
     """Draw an upright marker with the axes and the numbered corners of a convention."""
     axes.fill(*(0.64 * np.array([[-1, 1, 1, -1], [-1, -1, 1, 1]])), color=PAPER)
-    for quad in black_quads(TAG):
+    for quad in black_shapes(TAG):
         axes.fill(*quad.T, color=INK, linewidth=0.0)
     corners = np.array(CORNER_ORDERS[convention.corner_order])
     for start, end in pairwise(1.13 * corners):

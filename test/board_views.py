@@ -4,7 +4,16 @@
 """Boards, cameras and poses for the tests of detection and rendering."""
 
 import numpy as np
-from p4pfr_ros.boards import Bundle, Charuco, Chessboard, Marker, MarkerGrid, PlacedMarker
+from p4pfr_ros.boards import (
+    AprilGrid,
+    Bundle,
+    Charuco,
+    Chessboard,
+    CircleGrid,
+    Marker,
+    MarkerGrid,
+    PlacedMarker,
+)
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Pose
 
@@ -37,6 +46,12 @@ BOARDS = {
         ),
         dictionary='DICT_APRILTAG_36h11',
     ),
+    'aprilgrid': AprilGrid(columns=4, rows=3, tag_m=0.05, spacing=0.3),
+    'inverted_marker': Marker(id=3, size_m=0.15, dictionary='DICT_5X5_100', inverted=True),
+    'circle_grid': CircleGrid(
+        columns=4, rows=9, spacing_m=0.025, diameter_m=0.016, asymmetric=True
+    ),
+    'symmetric_circles': CircleGrid(columns=7, rows=5, spacing_m=0.035, diameter_m=0.02),
 }
 CAMERAS = {
     'pinhole': DivisionCamera(500.0, CENTER),

@@ -82,17 +82,26 @@ LIFECYCLE_POSE_NODE = {
 
 DETECTOR_NODE = {
     'image': (
-        'The raw image, if `image.transport` is `raw`: 8 or 16 bits, grey, RGB, BGR, with or '
-        'without alpha, Bayer or YUV 4:2:2.'
+        'The raw image, if `image.transport` is `raw`: grey of 8 or 16 bits, signed or floating '
+        'point too; RGB or BGR of 8 or 16 bits, with or without alpha; Bayer; YUV 4:2:2, '
+        'NV12 or NV21. The QoS is that of its publishers: see `image.reliability`.'
     ),
-    'image/compressed': 'The raw image as JPEG or PNG, if `image.transport` is `compressed`.',
+    'image/compressed': (
+        'The raw image as JPEG or PNG, if `image.transport` is `compressed`. The QoS is that of '
+        'its publishers.'
+    ),
+    '/diagnostics': (
+        'Once a second: the rate of the images, those that are missing in it, the time that one '
+        'takes, and rejections.'
+    ),
     'correspondences': (
         'The points of one board: `u`, `v` (px), `board_x`, `board_y` (m), `id`, and `board` if '
         'the file has several boards. One message for each detected board, with the header of '
         'the image.'
     ),
     '~/image_annotated': (
-        'The image with circles around the detected points, or with the reason why there are none.'
+        'The image with circles around the detected points, or with the reason why there are '
+        'none; rejected candidates are outlined thinly, with their reasons.'
     ),
 }
 

@@ -13,11 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from p4pfr_ros.boards.parts import (
+    check_border,
     check_counts,
     check_dictionary,
+    check_id,
+    check_inverted,
     check_lengths,
     check_name,
     checkerboard_squares,
+    computed_once,
     grid_points,
     marker_corners_at,
 )
@@ -62,12 +66,13 @@ class Chessboard:
     name: str = 'board'
 
     def __post_init__(self) -> None:
-        # OpenCV's detector needs three corners in each direction.
+        # Fewer are no lattice that one could tell from clutter.
         check_counts(self, at_least=3)
         check_lengths(self, 'square_m')
         check_name(self)
 
     @property
+    @computed_once
     def points(self) -> Array:
         """The inner corners, (rows * columns, 2) metres."""
         return grid_points(self.columns, self.rows, self.square_m)
@@ -97,6 +102,11 @@ class Chessboard:
         return tuple(turn_about_z(angle) for angle in ((90, 180, 270) if quarter else (180,)))
 
     @property
+    def inverted(self) -> bool:
+        """Black on white; an inverted chessboard is a chessboard that begins with white."""
+        return False
+
+    @property
     def marker_ids(self) -> tuple[int, ...]:
         """No markers: ()."""
         return ()
@@ -110,7 +120,7 @@ class Chessboard:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Charuco:
     """
-    A chessboard with a marker in each white square (ids 0, 1, ... row by row).
+    A chessboard with a marker in each white square (ids count up row by row from the first).
 
     Its points are the inner corners, row by row from the top left. The markers identify each
     corner, so a part of the board is enough.
@@ -127,6 +137,12 @@ class Charuco:
     legacy_pattern
         Pattern printed by OpenCV before 4.6: with an even number of rows, the square at the top
         left is white. (With an odd number of rows both patterns are the same.)
+    first_id
+        Id of the marker at the top left.
+    border_bits
+        Width of the markers' black border, in cells.
+    inverted
+        Whether black and white are exchanged; 'any' accepts both.
     name
         Name of the board and of its frame.
 
@@ -143,6 +159,9 @@ class Charuco:
     marker_m: float
     dictionary: str
     legacy_pattern: bool = False
+    first_id: int = 0
+    border_bits: int = 1
+    inverted: bool | str = False
     name: str = 'board'
 
     def __post_init__(self) -> None:
@@ -156,10 +175,14 @@ class Charuco:
             raise ValueError(
                 f'legacy_pattern: expected true or false, got {self.legacy_pattern!r}'
             )
+        check_id(self, 'first_id')
+        check_border(self)
+        check_inverted(self)
         check_dictionary(self)
         check_name(self)
 
     @property
+    @computed_once
     def points(self) -> Array:
         """The inner corners, ((rows - 1) * (columns - 1), 2) metres."""
         return grid_points(self.columns - 1, self.rows - 1, self.square_m)
@@ -184,10 +207,13 @@ class Charuco:
 
     @property
     def marker_ids(self) -> tuple[int, ...]:
-        """The ids of the markers: 0, 1, ..."""
-        return tuple(range(len(self.marker_corners)))
+        """The ids of the markers, row by row from the top left."""
+        squares = self.columns * self.rows
+        markers = squares // 2 if self._black_first else (squares + 1) // 2
+        return tuple(range(self.first_id, self.first_id + markers))
 
     @property
+    @computed_once
     def marker_corners(self) -> Array:
         """The corners of each marker, (M, 4, 2) metres, clockwise from the top left."""
         white = checkerboard_squares(

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Boards made of markers only: a single marker, a grid, and a bundle.
+Boards made of markers only: a single marker, a grid, Kalibr's grid, and a bundle.
 
 This module stands alone: it has all boards whose points are marker corners.
 """
@@ -15,12 +15,15 @@ import math
 
 import numpy as np
 from p4pfr_ros.boards.parts import (
+    check_border,
     check_counts,
     check_dictionary,
     check_id,
+    check_inverted,
     check_lengths,
     check_name,
     check_numbers,
+    computed_once,
     grid_points,
     marker_corners_at,
 )
@@ -74,6 +77,10 @@ class Marker(_CornerPoints):
         Side of the marker: outer edge of its black border, metres.
     dictionary
         Name of the OpenCV dictionary, such as 'DICT_APRILTAG_36h11'.
+    border_bits
+        Width of the black border, in cells.
+    inverted
+        Whether black and white are exchanged; 'any' accepts both.
     name
         Name of the board and of its frame.
 
@@ -87,11 +94,15 @@ class Marker(_CornerPoints):
     id: int
     size_m: float
     dictionary: str
+    border_bits: int = 1
+    inverted: bool | str = False
     name: str = 'board'
 
     def __post_init__(self) -> None:
         check_id(self, 'id')
         check_lengths(self, 'size_m')
+        check_border(self)
+        check_inverted(self)
         check_dictionary(self)
         check_name(self)
 
@@ -107,6 +118,7 @@ class Marker(_CornerPoints):
         return (self.id,)
 
     @property
+    @computed_once
     def marker_corners(self) -> Array:
         """The marker's corners, (1, 4, 2) metres, clockwise from the top left."""
         return marker_corners_at(np.zeros((1, 2)), self.size_m)
@@ -127,6 +139,10 @@ class MarkerGrid(_CornerPoints):
         Name of the OpenCV dictionary, such as 'DICT_6X6_250'.
     first_id
         Id of the marker at the top left.
+    border_bits
+        Width of the markers' black border, in cells.
+    inverted
+        Whether black and white are exchanged; 'any' accepts both.
     name
         Name of the board and of its frame.
 
@@ -143,6 +159,8 @@ class MarkerGrid(_CornerPoints):
     separation_m: float
     dictionary: str
     first_id: int = 0
+    border_bits: int = 1
+    inverted: bool | str = False
     name: str = 'board'
 
     def __post_init__(self) -> None:
@@ -151,6 +169,8 @@ class MarkerGrid(_CornerPoints):
             raise ValueError('columns: expected at least two markers in total, got 1')
         check_lengths(self, 'marker_m', 'separation_m')
         check_id(self, 'first_id')
+        check_border(self)
+        check_inverted(self)
         check_dictionary(self)
         check_name(self)
 
@@ -167,10 +187,102 @@ class MarkerGrid(_CornerPoints):
         return tuple(range(self.first_id, self.first_id + self.rows * self.columns))
 
     @property
+    @computed_once
     def marker_corners(self) -> Array:
         """The corners of each marker, (M, 4, 2) metres, clockwise from the top left."""
         centres = grid_points(self.columns, self.rows, self.marker_m + self.separation_m)
         return marker_corners_at(centres, self.marker_m)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AprilGrid(_CornerPoints):
+    """
+    The grid of AprilTags that Kalibr prints: ids count up row by row from the *bottom* left.
+
+    Black squares as wide as the gap touch the corners of the tags. Kalibr's origin is the lower
+    left corner of the first tag; the origin here is the middle of the grid, as of every board.
+
+    Parameters
+    ----------
+    columns, rows
+        Number of tags; at least two in total.
+    tag_m
+        Side of a tag (outer edge of its black border), metres.
+    spacing
+        Gap between two tags, in sides of a tag, up to 1.
+    dictionary
+        Name of the OpenCV dictionary.
+    first_id
+        Id of the tag at the bottom left.
+    border_bits
+        Width of the tags' black border, in cells. Kalibr prints 2, other generators 1.
+    inverted
+        Whether black and white are exchanged; 'any' accepts both.
+    name
+        Name of the board and of its frame.
+
+    Raises
+    ------
+    ValueError
+        ``KEY: expected ..., got ...``.
+
+    """
+
+    columns: int
+    rows: int
+    tag_m: float
+    spacing: float
+    dictionary: str = 'DICT_APRILTAG_36h11'
+    first_id: int = 0
+    border_bits: int = 2
+    inverted: bool | str = False
+    name: str = 'board'
+
+    def __post_init__(self) -> None:
+        check_counts(self, at_least=1)
+        if self.columns * self.rows < 2:
+            raise ValueError('columns: expected at least two tags in total, got 1')
+        check_lengths(self, 'tag_m')
+        check_numbers(self, 'spacing')
+        if not 0.0 < self.spacing <= 1.0:
+            raise ValueError(
+                f'spacing: expected a number above 0, up to 1 (of the tag), got {self.spacing!r}'
+            )
+        check_id(self, 'first_id')
+        check_border(self)
+        check_inverted(self)
+        check_dictionary(self)
+        check_name(self)
+
+    @property
+    def sheet_size_m(self) -> tuple[float, float]:
+        """Width and height of the pattern with its white margin."""
+        margin = (self.spacing + 2.0 * _MARGIN_IN_SIDES) * self.tag_m
+        return self.columns * self._step_m + margin, self.rows * self._step_m + margin
+
+    @property
+    def black_squares(self) -> Array:
+        """The squares at the corners of the tags, (N, 4): left, bottom, right, top in metres."""
+        centres = grid_points(self.columns + 1, self.rows + 1, self._step_m)
+        half_m = 0.5 * self.spacing * self.tag_m
+        return np.concatenate([centres - half_m, centres + half_m], axis=1)
+
+    @property
+    def marker_ids(self) -> tuple[int, ...]:
+        """The ids of the tags, row by row from the bottom left."""
+        return tuple(range(self.first_id, self.first_id + self.rows * self.columns))
+
+    @property
+    @computed_once
+    def marker_corners(self) -> Array:
+        """The corners of each tag, (M, 4, 2) metres, clockwise from the top left."""
+        from_the_top = grid_points(self.columns, self.rows, self._step_m)
+        centres = from_the_top.reshape(self.rows, self.columns, 2)[::-1].reshape(-1, 2)
+        return marker_corners_at(centres, self.tag_m)
+
+    @property
+    def _step_m(self) -> float:
+        return (1.0 + self.spacing) * self.tag_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,6 +334,10 @@ class Bundle(_CornerPoints):
         The markers; at least one, each id once, no two touching.
     dictionary
         Name of the OpenCV dictionary, such as 'DICT_APRILTAG_36h11'.
+    border_bits
+        Width of the markers' black border, in cells.
+    inverted
+        Whether black and white are exchanged; 'any' accepts both.
     name
         Name of the board and of its frame.
 
@@ -234,6 +350,8 @@ class Bundle(_CornerPoints):
 
     markers: tuple[PlacedMarker, ...]
     dictionary: str
+    border_bits: int = 1
+    inverted: bool | str = False
     name: str = 'board'
 
     def __post_init__(self) -> None:
@@ -249,6 +367,8 @@ class Bundle(_CornerPoints):
                 f'markers: expected white between any two, got {first} and {second}, which touch '
                 'or overlap'
             )
+        check_border(self)
+        check_inverted(self)
         check_dictionary(self)
         check_name(self)
 

@@ -5,10 +5,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+import functools
 import math
 from numbers import Integral, Real
 import re
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +19,25 @@ from p4pfr_ros.core.geometry import Array
 
 _MAX_PER_ROW, _MAX_TOTAL = 1000, 10_000
 _SHORTEST_M, _LONGEST_M = 1e-6, 1e4
+_WIDEST_BORDER = 4
+_CACHED_BOARDS = 64
 _DICTIONARY_SIZE = re.compile(r'(?<=\dX\d)_\d+$')
+
+
+BoardType = TypeVar('BoardType')
+
+
+def computed_once(points: Callable[[BoardType], Array]) -> Callable[[BoardType], Array]:
+    """Cache an array of a board, read-only: detection needs it for every image."""
+
+    @functools.lru_cache(maxsize=_CACHED_BOARDS)
+    @functools.wraps(points)
+    def cached(board: BoardType) -> Array:
+        array = points(board)
+        array.setflags(write=False)
+        return array
+
+    return cached
 
 
 def grid_points(columns: int, rows: int, step_m: float) -> Array:
@@ -118,6 +138,22 @@ def check_dictionary(board: Any) -> None:
             f"dictionary: expected the name of an OpenCV dictionary, such as 'DICT_4X4_50', "
             f'got {board.dictionary!r}'
         )
+
+
+def check_border(board: Any) -> None:
+    """Raise ValueError unless the width of the markers' black border is an integer, 1 to 4."""
+    value = board.border_bits
+    if not _is_integer(value) or not 1 <= value <= _WIDEST_BORDER:
+        raise ValueError(
+            f'border_bits: expected an integer from 1 to {_WIDEST_BORDER} (cells), got {value!r}'
+        )
+
+
+def check_inverted(board: Any) -> None:
+    """Raise ValueError unless inverted is True, False or 'any'."""
+    value = board.inverted
+    if not (isinstance(value, bool) or value == 'any'):
+        raise ValueError(f'inverted: expected true, false or any, got {value!r}')
 
 
 def check_name(board: Any) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 import json
 from pathlib import Path
@@ -35,6 +35,7 @@ from p4pfr_ros.cli.arguments import (
     find_images,
     finite,
     in_range,
+    positive,
     require,
 )
 from p4pfr_ros.cli.terminal import print_table, with_progress
@@ -43,7 +44,13 @@ from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
 from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.calibration import Calibration, load_calibration
-from p4pfr_ros.files.images import image_or_reason, write_image
+from p4pfr_ros.files.images import (
+    Decoding,
+    DEFAULT_DECODING,
+    image_or_reason,
+    ImageArray,
+    write_image,
+)
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.report.drawing import annotate
 
@@ -65,6 +72,9 @@ they are on the real board.
 An image without an estimate has the keys image and reason and, if the board
 was detected, status.
 """
+_DRAW_HELP = (
+    'write images with corners and pose to DIR; rejected candidates are outlined, with the reason'
+)
 _HEADINGS = (
     'image',
     'x y z, m',
@@ -149,7 +159,14 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add = parser.add_argument
     add('images', nargs='+', type=Path, metavar='IMAGE', help='image, or directory of images')
     add('--board', required=True, metavar='FILE', help='board file (YAML)')
-    add('--draw', type=Path, metavar='DIR', help='write images with corners and pose to DIR')
+    add('--draw', type=Path, metavar='DIR', help=_DRAW_HELP)
+    add(
+        '--max-megapixels',
+        type=positive,
+        default=DEFAULT_DECODING.max_megapixels,
+        metavar='N',
+        help='larger images are rejected before they are decoded (default: %(default)g)',
+    )
     add('--json', action='store_true', help='print JSON lines instead of a table')
     add(
         '--camera',
@@ -204,8 +221,10 @@ def run(arguments: argparse.Namespace) -> int:
         _prepare_drawing(arguments.draw, paths)
     estimates: list[ImageEstimate] = []
     failures: list[FailedImage] = []
+    # Only drawings need colour.
+    how = Decoding(as_grey=not arguments.draw, max_megapixels=arguments.max_megapixels)
     for path in with_progress(paths, len(paths), prints=arguments.json):
-        result = _estimate(path, given, arguments.draw)
+        result = _estimate(path, how, given, arguments.draw)
         if arguments.json:
             _print_json(result)
         if isinstance(result, ImageEstimate):
@@ -259,7 +278,9 @@ def _prepare_drawing(folder: Path, images: Iterable[Path]) -> None:
         raise ConfigError(f'--draw {folder}: {error.strerror}') from None
 
 
-def _estimate(path: Path, given: Given, draw_folder: Path | None) -> ImageEstimate | FailedImage:
+def _estimate(
+    path: Path, how: Decoding, given: Given, draw_folder: Path | None
+) -> ImageEstimate | FailedImage:
     """
     Read an image, detect the board and estimate its pose; draw the result if requested.
 
@@ -269,7 +290,7 @@ def _estimate(path: Path, given: Given, draw_folder: Path | None) -> ImageEstima
         The drawing cannot be written.
 
     """
-    image = image_or_reason(path)
+    image = image_or_reason(path, how)
     if isinstance(image, str):
         return FailedImage(path, image)
     height, width = image.shape[:2]
@@ -279,6 +300,7 @@ def _estimate(path: Path, given: Given, draw_folder: Path | None) -> ImageEstima
     board = given.board
     detection = detect(image, board)
     if detection.reason:
+        _draw(draw_folder, path, image, detection)
         return FailedImage(path, detection.reason)
     camera, shape = given.camera_and_shape(detection.board_points)
     estimate = estimate_pose(
@@ -292,10 +314,10 @@ def _estimate(path: Path, given: Given, draw_folder: Path | None) -> ImageEstima
     )
     estimate, _ = with_turned_poses(estimate, board.turns)
     if estimate.model is None:
+        failed = replace(detection, reason=estimate.status.value)
+        _draw(draw_folder, path, image, failed)
         return FailedImage(path, estimate.status.value, estimate.status)
-    if draw_folder:
-        drawing = annotate(image, detection, estimate.model, board)
-        write_image(draw_folder / f'{path.stem}_pose.png', drawing)
+    _draw(draw_folder, path, image, detection, estimate.model, board)
     return ImageEstimate(
         path,
         (width, height),
@@ -304,6 +326,12 @@ def _estimate(path: Path, given: Given, draw_folder: Path | None) -> ImageEstima
         camera_is_given=camera is not None,
         has_board_shape=shape is not None,
     )
+
+
+def _draw(folder: Path | None, path: Path, image: ImageArray, *drawn: Any) -> None:
+    """Write the annotated image, if a folder is given; drawn: further arguments of `annotate`."""
+    if folder is not None:
+        write_image(folder / f'{path.stem}_pose.png', annotate(image, *drawn))
 
 
 def _print_json(result: ImageEstimate | FailedImage) -> None:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-``jit`` and ``kernel``: compile with Numba if it is installed, else interpret the same source.
+``jit``, ``kernel``, ``reducing_kernel``: compile with Numba if it is installed, else interpret.
 
 A kernel is plain Python over scalars and preallocated arrays, so both ways give the same numbers;
 interpreted, it is some hundred times slower. ``NUMBA_DISABLE_JIT=1`` selects the interpreter.
@@ -50,14 +50,23 @@ def kernel(function: Function) -> Function:
     return _compiled(function, **_OPTIONS, _nrt=False)
 
 
+def reducing_kernel(function: Function) -> Function:
+    """
+    Compile as ``kernel`` does a function whose sums may be reordered, so that they vectorise.
+
+    The exception to equal bits: the order of a sum, and so its rounding, depends on the machine.
+    """
+    return _compiled(function, **_OPTIONS, _nrt=False, fastmath={'reassoc', 'contract', 'nsz'})
+
+
 def _compiled(function: Function, **options: Any) -> Function:
     if not COMPILED:
         return _interpreted(function)
     # Numba checks only the file that a kernel is defined in, and would use a stale copy after a
     # change of a kernel that it calls in another file. So the name of the cache folder contains a
-    # hash of all sources of this package. Numba reads it at decoration only.
+    # hash of all sources that a kernel may call. Numba reads it at decoration only.
     previous = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_CACHE_FOLDER)
+    numba.config.CACHE_DIR = str(_cache_folder(_room(Path(function.__code__.co_filename))))
     try:
         compiled: Function = numba.njit(cache=True, **options)(function)
     finally:
@@ -84,10 +93,23 @@ def sources_digest(folder: Path) -> str:
     return digest.hexdigest()[:16]
 
 
-def _cache_folder() -> Path:
+def _room(source: Path) -> Path:
+    """Return the folder of the package that a source belongs to, such as ``detection``."""
+    core = Path(__file__).parent
+    for folder in source.parents:
+        if folder.parent == core.parent:
+            return folder
+    return core
+
+
+@functools.cache
+def _cache_folder(room: Path) -> Path:
+    """Return the folder for the kernels of a room, which may call those of core and their own."""
     base = os.environ.get('NUMBA_CACHE_DIR') or os.environ.get('XDG_CACHE_HOME')
     root = Path(base) if base else Path.home() / '.cache'
-    return root / 'p4pfr_ros' / sources_digest(Path(__file__).parent)
+    core = Path(__file__).parent
+    digests = [sources_digest(folder) for folder in dict.fromkeys((core, room))]
+    return root / 'p4pfr_ros' / '-'.join(digests)
 
 
 if numba is None:
@@ -97,7 +119,6 @@ if numba is None:
         stacklevel=2,
     )
 elif COMPILED:
-    _CACHE_FOLDER = _cache_folder()
 
     class _FirstCompilation(numba.core.event.Listener):  # type: ignore[misc]
         """Prints once why the first call takes seconds."""

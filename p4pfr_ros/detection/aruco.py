@@ -17,18 +17,28 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros.boards import Board, Bundle, Charuco, Marker, MarkerGrid
+from p4pfr_ros.boards import AprilGrid, Board, Bundle, Charuco, Marker, MarkerGrid
 from p4pfr_ros.core.geometry import Array, Ints
 
 # OpenCV's type stubs cover the classes only. OpenCV 4.6 without contrib has no such module.
 _aruco: Any = getattr(cv2, 'aruco', None)
 _HAS_CLASSES = hasattr(_aruco, 'ArucoDetector')
 
-# The key to name in the error when the dictionary lacks an id of the board.
+# Side of the smallest markers that are searched, pixels. OpenCV's own limit is a share of the
+# image, which loses small markers in large images.
+MIN_MARKER_PX = 14.0
+# Smaller ones are searched in the image at twice its size, which takes four times as long.
+_MAGNIFY_BELOW_PX = 12.0
+# Perimeter of a tilted marker, in lengths of its side.
+_LEAST_PERIMETER = 2.2
+
+# The key to name in the error when the dictionary lacks an id of the board. A ChArUco board that
+# begins with id 0 has too many squares.
 _ID_KEYS: dict[type[Any], str] = {
     Marker: 'id',
     MarkerGrid: 'first_id',
-    Charuco: 'columns',
+    AprilGrid: 'first_id',
+    Charuco: 'first_id',
     Bundle: 'markers',
 }
 
@@ -52,16 +62,38 @@ def check_markers(board: Board) -> None:
         return
     last_id = len(_dictionary(board.dictionary).bytesList) - 1  # type: ignore[union-attr]
     if max(board.marker_ids) > last_id:
+        key = _ID_KEYS[type(board)]
+        if isinstance(board, Charuco) and board.first_id == 0:
+            key = 'columns'
         raise ValueError(
-            f'{_ID_KEYS[type(board)]}: expected ids up to {last_id}, the last of '
+            f'{key}: expected ids up to {last_id}, the last of '
             f'{board.dictionary}, got {max(board.marker_ids)}'  # type: ignore[union-attr]
         )
 
 
-def marker_cells(dictionary: str, marker_id: int) -> NDArray[np.bool_]:
-    """Return a marker's cells, (n, n) from the top left, True where black, border included."""
-    black: NDArray[np.bool_] = _marker_image(dictionary, marker_id) < 128
-    return np.rot90(black, 2) if _is_upside_down(dictionary) else black
+@lru_cache(maxsize=4096)
+def marker_cells(dictionary: str, marker_id: int, border_bits: int = 1) -> NDArray[np.bool_]:
+    """
+    Return a marker's cells, (n, n) from the top left, True where black, border included.
+
+    The array is read-only.
+    """
+    black = _marker_image(dictionary, marker_id) < 128
+    if _is_upside_down(dictionary):
+        black = np.rot90(black, 2)
+    cells = np.pad(black, border_bits - 1, constant_values=True)
+    cells.flags.writeable = False  # shared through the cache
+    return cells
+
+
+def dictionary_size(name: str) -> int:
+    """Return the number of markers in a dictionary."""
+    return len(_dictionary(name).bytesList)
+
+
+def code_cells(dictionary: str) -> int:
+    """Return the number of cells per side of a marker, without its border."""
+    return int(_dictionary(dictionary).markerSize)
 
 
 def _marker_image(dictionary: str, marker_id: int) -> NDArray[np.uint8]:
@@ -73,21 +105,84 @@ def _marker_image(dictionary: str, marker_id: int) -> NDArray[np.uint8]:
     return np.asarray(_aruco.drawMarker(predefined, marker_id, side))
 
 
-def detect_markers(grey: NDArray[np.uint8], dictionary: str) -> tuple[Array, Ints]:
-    """Return the corners (M, 4, 2) px, clockwise from the top left, and the ids (M,)."""
-    predefined = _dictionary(dictionary)
+def detect_markers(
+    grey: NDArray[np.uint8],
+    dictionary: str,
+    border_bits: int = 1,
+    *,
+    ids: tuple[int, ...] = (),
+    with_inverted: bool = False,
+    min_marker_px: float = MIN_MARKER_PX,
+) -> tuple[Array, Ints, Array]:
+    """
+    Detect markers of a dictionary.
+
+    Parameters
+    ----------
+    grey : (h, w) array
+        The image.
+    dictionary
+        Name of the dictionary.
+    border_bits
+        Width of the markers' black border, cells.
+    ids
+        Detect these only; without any, all. OpenCV compares each quadrilateral with each code,
+        which takes most of its time where a dictionary is large and an image cluttered.
+    with_inverted
+        Also detect markers that are white on black.
+    min_marker_px
+        Side of the smallest markers, pixels; below 12 px, the search takes four times as long.
+
+    Returns
+    -------
+    The corners (M, 4, 2) px, clockwise from the top left, the ids (M,), and the corners (Q, 4, 2)
+    of the quadrilaterals that contain no code.
+
+    """
+    if min_marker_px < _MAGNIFY_BELOW_PX:
+        corners, found, quads = detect_markers(
+            cv2.resize(grey, None, fx=2.0, fy=2.0, interpolation=cv2.INTER_CUBIC),
+            dictionary,
+            border_bits,
+            ids=ids,
+            with_inverted=with_inverted,
+            min_marker_px=max(2.0 * min_marker_px, _MAGNIFY_BELOW_PX),
+        )
+        return 0.5 * (corners + 0.5) - 0.5, found, 0.5 * (quads + 0.5) - 0.5
+    codes = _part_of_dictionary(dictionary, ids) if ids else _dictionary(dictionary)
+    parameters = _parameters()
+    parameters.minMarkerPerimeterRate = _LEAST_PERIMETER * min_marker_px / max(grey.shape)
+    parameters.markerBorderBits = border_bits
+    parameters.detectInvertedMarker = with_inverted
     if _HAS_CLASSES:
-        detector = _aruco.ArucoDetector(predefined, _aruco.DetectorParameters())
-        corners, ids, _ = detector.detectMarkers(grey)
+        detector = _aruco.ArucoDetector(codes, parameters)
+        corners, found, quads = detector.detectMarkers(grey)
     else:
-        parameters = _aruco.DetectorParameters_create()
-        corners, ids, _ = _aruco.detectMarkers(grey, predefined, parameters=parameters)
-    if ids is None or len(ids) == 0:
-        return np.empty((0, 4, 2)), np.empty(0, dtype=np.int64)
+        corners, found, quads = _aruco.detectMarkers(grey, codes, parameters=parameters)
+    without_code = np.asarray(quads, dtype=np.float64).reshape(-1, 4, 2)
+    if found is None or len(found) == 0:
+        return np.empty((0, 4, 2)), np.empty(0, dtype=np.int64), without_code
     stacked = np.asarray(corners, dtype=np.float64).reshape(-1, 4, 2)
     if _is_upside_down(dictionary):
         stacked = np.roll(stacked, -2, axis=1)
-    return stacked, np.asarray(ids, dtype=np.int64).ravel()
+    found = np.asarray(found, dtype=np.int64).ravel()
+    return stacked, np.array(ids, dtype=np.int64)[found] if ids else found, without_code
+
+
+@lru_cache(maxsize=32)
+def _part_of_dictionary(name: str, ids: tuple[int, ...]) -> Any:
+    """Return a dictionary with these markers only, numbered from 0."""
+    whole = _dictionary(name)
+    codes = np.ascontiguousarray(whole.bytesList[list(ids)])
+    if _HAS_CLASSES:
+        return _aruco.Dictionary(codes, whole.markerSize, whole.maxCorrectionBits)
+    part = _aruco.getPredefinedDictionary(getattr(_aruco, name))
+    part.bytesList = codes
+    return part
+
+
+def _parameters() -> Any:
+    return _aruco.DetectorParameters() if _HAS_CLASSES else _aruco.DetectorParameters_create()
 
 
 @lru_cache(maxsize=32)

@@ -2,81 +2,241 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Detection of chessboards: OpenCV finds the corners, which are then ordered as printed and refined.
+Detection of chessboards: corners from the lattice of saddles, ordered as printed, then refined.
 
 This module stands alone, as each finder of a family of boards does.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.boards import Chessboard
-from p4pfr_ros.core.geometry import Array, Ints
+from p4pfr_ros.core.geometry import Array, Ints, Mask
+from p4pfr_ros.detection.candidates import RejectedCandidate
+from p4pfr_ros.detection.saddle_lattice import find_saddles, lattices
 from p4pfr_ros.detection.saddles import refine_saddles
 
-# Patches of neighbouring corners must not overlap, so the radius is below half a square. OpenCV's
-# windows are square, so theirs is smaller.
+# The search begins in an image of at most this width or height. Larger ones follow, for small
+# squares, and then one of half the size, for large or blurred squares.
+_FIRST_SIDE_PX, _SMALLEST_SIDE_PX = 800, 120
+# Number of saddles that are tried: so many per corner of the board, and some for the rest of the
+# image; then, in an image with more, four times as many.
+_SADDLES_PER_CORNER, _MORE_SADDLES = 3, 100
+_FEW_AND_MANY = (1, 4)
+_MOST_SADDLES = 4000
+# Smallest fraction of the corners that must be saddles; the others may be covered. On each side of
+# the board at least half of them, or the board could lie one square farther.
+_MIN_FOUND_FRACTION = 0.75
+_MIN_FOUND_ON_SIDE = 0.5
+# Patches of neighbouring corners must not overlap, so the radius is below half a square.
 _RADIUS_IN_SQUARES = 0.45
-_SUBPIX_WINDOW_IN_SQUARES = 0.3
 # Largest second difference of corners along a line, in squares. Measured: 0.16 on photographs, 0.6
 # with the widest lens or a blurred board; 0.98 and more with a misplaced corner.
 _MAX_SECOND_DIFFERENCE = 0.75
+# Largest misfit of a corner: so much of its contrast, and of the board's median.
+_LEAST_MISFIT, _MISFIT_IN_MEDIANS = 0.1, 3.0
 # A board with a smaller fraction of its corners refined is a false positive.
 _MIN_REFINED_FRACTION = 0.5
 
+# A second board of at least this fraction of the area makes it unclear which one is meant.
+_MIN_AREA_OF_SECOND = 0.5
 
-def find_chessboard(grey: NDArray[np.uint8], board: Chessboard) -> tuple[Ints, Array]:
+_NOTHING = np.empty(0, dtype=np.int64), np.empty((0, 2))
+
+
+def find_chessboard(
+    grey: NDArray[np.uint8], board: Chessboard
+) -> tuple[Ints, Array, str, tuple[RejectedCandidate, ...]]:
     """
     Find a chessboard's inner corners in an image (h, w).
+
+    Of two boards the larger one is meant, such as the board itself in front of a screen that
+    shows it; of two about equally large ones, none.
 
     Returns
     -------
     Ids (N,) (indices in the board's points) and corners (N, 2) px, empty if the board is not
-    found. Corners that cannot be fitted, such as covered ones, are left out.
+    found, and then the reason and the candidates. Corners that cannot be fitted, such as covered
+    ones, are left out.
 
     """
-    coarse = _search(grey, board.columns, board.rows)
-    if coarse is None:
-        return np.empty(0, dtype=np.int64), np.empty((0, 2))
-    grid = order_as_printed(grey, coarse)
+    name = f'{board.columns}x{board.rows} chessboard'
+    best = _NOTHING
+    tried: list[Array] = []
+    for grids in _search(grey, board.columns, board.rows):
+        found = _distinct_boards(grey, grids)
+        if len(found) > 1:
+            reason = f'{len(found)} {name}s found, of about the same size'
+            return *_NOTHING, reason, _rejected(grids, 'one of several equal boards')
+        tried += grids
+        # Corners that are missing at this size of the image may be found at the next one.
+        best = max(best, *found, key=lambda each: len(each[0])) if found else best
+        if len(best[0]) == board.columns * board.rows:
+            break
+    if len(best[0]):
+        return *best, '', ()
+    return *best, f'no {name} found', _rejected(tried, 'its corners do not fit')
+
+
+def _rejected(grids: list[Array], reason: str) -> tuple[RejectedCandidate, ...]:
+    """Return the outlines of candidates, of those whose outermost corners are known."""
+    outlines = [grid[[0, 0, -1, -1], [0, -1, -1, 0]] for grid in grids]
+    return tuple(RejectedCandidate(o, reason) for o in outlines if np.isfinite(o).all())
+
+
+def _distinct_boards(grey: NDArray[np.uint8], grids: list[Array]) -> list[tuple[Ints, Array]]:
+    """Return the ids and corners of the largest board, and of others about as large."""
+    found: list[tuple[Ints, Array]] = []
+    least_px2 = 0.0
+    for grid in sorted(grids, key=_area_px2, reverse=True):
+        if _area_px2(grid) < least_px2:
+            break
+        ids, points = _refined(grey, grid)
+        if len(ids):
+            least_px2 = max(least_px2, _MIN_AREA_OF_SECOND * _area_px2(grid))
+            found.append((ids, points))
+    return found
+
+
+def _search(grey: NDArray[np.uint8], columns: int, rows: int) -> Iterator[list[Array]]:
+    """Yield candidates for the corners (rows, columns, 2) px, accurate to a pixel or so."""
+    corners = columns * rows
+    at_least = int(np.ceil(_MIN_FOUND_FRACTION * corners))
+    for scale, image in _sizes(grey):
+        for factor in _FEW_AND_MANY:
+            at_most = min(factor * (_SADDLES_PER_CORNER * corners + _MORE_SADDLES), _MOST_SADDLES)
+            saddles = find_saddles(image, at_most)
+            grids = [
+                _board_in_lattice(saddles[members, :2], cells, columns, rows)
+                for members, cells in lattices(saddles, at_least)
+            ]
+            yield [scale * grid + 0.5 * (scale - 1.0) for grid in grids if grid is not None]
+            if len(saddles) < at_most:
+                break
+
+
+def _refined(grey: NDArray[np.uint8], coarse: Array) -> tuple[Ints, Array]:
+    """Return the ids and fitted corners of a candidate (rows, columns, 2); none if it is false."""
+    grid = _fitted(grey, order_as_printed(grey, coarse))
+    unknown = np.isnan(grid[..., 0])
+    if unknown.mean() > 1.0 - _MIN_REFINED_FRACTION:
+        return _NOTHING
+    if unknown.any():
+        # Their neighbours are known to a fraction of a pixel now.
+        again = _fitted(grey, _filled(grid))
+        grid = np.where(unknown[..., None], again, grid)
+    ids = np.flatnonzero(np.isfinite(grid[..., 0]))
+    return (ids, grid.reshape(-1, 2)[ids]) if is_smooth(grid) else _NOTHING
+
+
+def _fitted(grey: NDArray[np.uint8], grid: Array) -> Array:
+    """Return the fitted corners (rows, columns, 2); NaN where there is none."""
     along, across = np.gradient(grid, axis=1), np.gradient(grid, axis=0)
-    spacing_px = _spacing_px(grid).ravel()
-    start = _refine_with_opencv(grey, grid.reshape(-1, 2), spacing_px)
-    saddles = refine_saddles(
-        grey, start, along.reshape(-1, 2), across.reshape(-1, 2), _RADIUS_IN_SQUARES
-    )
-    ids = np.flatnonzero(saddles.good)
-    if len(ids) < _MIN_REFINED_FRACTION * len(start):
-        ids = ids[:0]
-    return ids, saddles.points[ids]
+    sides = along.reshape(-1, 2), across.reshape(-1, 2)
+    saddles = refine_saddles(grey, grid.reshape(-1, 2), *sides, _RADIUS_IN_SQUARES)
+    # Noise and blur are much the same all over a board; a fit elsewhere has a larger misfit.
+    largest = _LEAST_MISFIT + _MISFIT_IN_MEDIANS * np.median(saddles.misfit)
+    good = saddles.good & (saddles.misfit < largest)
+    fitted: Array = np.where(good[:, None], saddles.points, np.nan).reshape(grid.shape)
+    return fitted
 
 
-def _search(grey: NDArray[np.uint8], columns: int, rows: int) -> Array | None:
-    """Return OpenCV's corners (rows, columns, 2) px, accurate to a pixel or two, or None."""
-    size = (columns, rows)
-    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-    # The second detector is slower and misses more photographs (2 of 13, the first one none), but
-    # it finds some blurred or distant boards that the first one misses.
-    for search, options in (
-        (cv2.findChessboardCorners, flags),
-        (cv2.findChessboardCornersSB, 0),
-    ):
-        found, corners = search(grey, size, flags=options)
-        if found:
-            grid = np.asarray(corners, dtype=np.float64).reshape(rows, columns, 2)
-            if is_smooth(grid):
-                return grid
-    return None
+def _area_px2(grid: Array) -> float:
+    """Return the area of the quadrilateral between a grid's outer corners."""
+    first, second = grid[-1, -1] - grid[0, 0], grid[-1, 0] - grid[0, -1]
+    return 0.5 * abs(float(first[0] * second[1] - first[1] * second[0]))
+
+
+def _sizes(grey: NDArray[np.uint8]) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    """Yield the image at several sizes, the most promising first, and pixels per its pixel."""
+    images = [grey]
+    while max(images[-1].shape) > _FIRST_SIDE_PX:
+        images.append(_half(images[-1]))
+    first = len(images) - 1
+    if min(images[-1].shape) >= 2 * _SMALLEST_SIDE_PX:
+        images.append(_half(images[-1]))
+    for level in (*range(first, -1, -1), *range(first + 1, len(images))):
+        yield 2.0**level, images[level]
+
+
+def _half(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the means of 2x2 pixels."""
+    height, width = image.shape
+    even = image[: height // 2 * 2, : width // 2 * 2]
+    halved = cv2.resize(even, (width // 2, height // 2), interpolation=cv2.INTER_AREA)
+    return np.asarray(halved, dtype=np.uint8)
+
+
+def _board_in_lattice(points: Array, cells: Ints, columns: int, rows: int) -> Array | None:
+    """Return the corners (rows, columns, 2) of a board in a lattice; None without one."""
+    lattice = np.full((*(cells.max(axis=0) + 1), 2), np.nan)
+    lattice[cells[:, 0], cells[:, 1]] = points
+    grids = []
+    for turned in (lattice, lattice.swapaxes(0, 1))[: 2 if columns != rows else 1]:
+        # One more line on each side shows whether the lattice continues there.
+        wider = np.pad(turned, ((rows, rows), (columns, columns), (0, 0)), constant_values=np.nan)
+        is_found = np.isfinite(wider[..., 0])
+        count = _window_sums(is_found, rows, columns)
+        top, left = np.unravel_index(np.argmax(count), count.shape)
+        if count[top, left] < _MIN_FOUND_FRACTION * rows * columns:
+            continue
+        around = is_found[top - 1 : top + rows + 1, left - 1 : left + columns + 1]
+        if _has_own_sides(around):
+            grids.append(_filled(wider[top : top + rows, left : left + columns]))
+    return grids[0] if grids else None
+
+
+def _window_sums(counted: Mask, rows: int, columns: int) -> Ints:
+    """Return the number of true elements in each window of so many rows and columns."""
+    sums = np.pad(np.cumsum(np.cumsum(counted, axis=0, dtype=np.int64), axis=1), ((1, 0), (1, 0)))
+    windows: Ints = (
+        sums[rows:, columns:] - sums[:-rows, columns:] - sums[rows:, :-columns]
+    ) + sums[:-rows, :-columns]
+    return windows
+
+
+def _has_own_sides(around: Mask) -> bool:
+    """Return whether a board's outermost lines are found, and not the next ones."""
+    for side in (around, around[::-1], around.T, around.T[::-1]):
+        outside, outermost = side[0, 1:-1], side[1, 1:-1]
+        if outermost.mean() < _MIN_FOUND_ON_SIDE or outside.mean() >= _MIN_FOUND_ON_SIDE:
+            return False
+    return True
+
+
+def _filled(grid: Array) -> Array:
+    """Fill unknown corners (NaN) from their neighbours along the lines."""
+    while np.isnan(grid).any():
+        padded = np.pad(grid, ((2, 2), (2, 2), (0, 0)), constant_values=np.nan)
+        guesses = []
+        for lines in (padded, padded.swapaxes(0, 1)):
+            before2, before, after, after2 = lines[:-4], lines[1:-3], lines[3:-1], lines[4:]
+            for guess in (0.5 * (before + after), 2.0 * before - before2, 2.0 * after - after2):
+                inner = guess[:, 2:-2]
+                guesses.append(inner if lines is padded else inner.swapaxes(0, 1))
+        known = np.isfinite(guesses)
+        total = np.where(known, guesses, 0.0).sum(axis=0)
+        count = known.sum(axis=0)
+        estimate = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+        filled = np.where(np.isnan(grid), estimate, grid)
+        if np.isnan(filled).sum() == np.isnan(grid).sum():
+            break
+        grid = filled
+    return grid
 
 
 def is_smooth(grid: Array) -> bool:
-    """Return whether the lines of corners are as smooth as a lens leaves them."""
+    """Return whether the lines of corners are as smooth as a lens leaves them; NaN is unknown."""
     spacing_px = _spacing_px(grid)
     in_rows = np.linalg.norm(np.diff(grid, 2, axis=1), axis=2) / spacing_px[:, 1:-1]
     in_columns = np.linalg.norm(np.diff(grid, 2, axis=0), axis=2) / spacing_px[1:-1]
-    return bool(max(in_rows.max(), in_columns.max()) < _MAX_SECOND_DIFFERENCE)
+    return not bool(
+        (in_rows >= _MAX_SECOND_DIFFERENCE).any() or (in_columns >= _MAX_SECOND_DIFFERENCE).any()
+    )
 
 
 def order_as_printed(grey: NDArray[np.uint8], grid: Array) -> Array:
@@ -112,22 +272,10 @@ def _spacing_px(grid: Array) -> Array:
     spacing_px = np.full(grid.shape[:2], np.inf)
     for axis in (0, 1):
         step_px = np.linalg.norm(np.diff(grid, axis=axis), axis=2)
+        step_px = np.where(np.isnan(step_px), np.inf, step_px)
         before, after = [(0, 0), (0, 0)], [(0, 0), (0, 0)]
         before[axis], after[axis] = (1, 0), (0, 1)
         for side in (before, after):
             padded_px = np.pad(step_px, side, constant_values=np.inf)
             spacing_px = np.minimum(spacing_px, padded_px)
     return spacing_px
-
-
-def _refine_with_opencv(grey: NDArray[np.uint8], points: Array, spacing_px: Array) -> Array:
-    """Refine the corners to a fraction of a pixel, in windows scaled with the squares."""
-    windows = np.clip(np.rint(_SUBPIX_WINDOW_IN_SQUARES * spacing_px), 2, 15).astype(int)
-    refined = points.copy()
-    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 40, 1e-3)
-    for window in np.unique(windows):
-        chosen = windows == window
-        corners = points[chosen].astype(np.float32).reshape(-1, 1, 2).copy()
-        moved = cv2.cornerSubPix(grey, corners, (int(window), int(window)), (-1, -1), criteria)
-        refined[chosen] = moved.reshape(-1, 2)
-    return refined

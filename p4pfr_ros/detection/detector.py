@@ -9,20 +9,34 @@ This module stands alone: it holds the public function, above one finder per fam
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros.boards import Board, Bundle, Charuco, Chessboard, Marker, MarkerBoard
+from p4pfr_ros.boards import (
+    Board,
+    Bundle,
+    Charuco,
+    Chessboard,
+    CircleGrid,
+    Marker,
+    MarkerBoard,
+)
 from p4pfr_ros.core.geometry import Array, Ints
-from p4pfr_ros.detection.aruco import check_markers
+from p4pfr_ros.detection.aruco import check_markers, MIN_MARKER_PX
+from p4pfr_ros.detection.candidates import RejectedCandidate
 from p4pfr_ros.detection.charuco import find_charuco
 from p4pfr_ros.detection.chessboard import find_chessboard
+from p4pfr_ros.detection.circle_grid import find_circle_grid, LensMiddle
 from p4pfr_ros.detection.markers import find_markers
 
 # OpenCV's detectors raise on smaller images, in which no board could be resolved anyway.
 _MIN_IMAGE_SIDE_PX = 16
+# Around the last place of a board: a margin in sizes of the board, and at least this. A window of
+# almost the whole image saves nothing.
+_WINDOW_MARGIN, _MIN_MARGIN_PX = 0.3, 24.0
+_MAX_WINDOW = 0.7
 # Fewer points do not determine a pose.
 _MIN_POINTS = 4
 
@@ -42,6 +56,8 @@ class Detection:
         Their indices in the board's ``points``.
     reason
         Why there are no points, or too few for a pose (then N is 0); empty on success.
+    rejected
+        What looked like a part of the board, and why it is not.
 
     """
 
@@ -49,14 +65,33 @@ class Detection:
     board_points: Array
     ids: Ints
     reason: str = ''
+    rejected: tuple[RejectedCandidate, ...] = ()
 
 
-def detect(image: NDArray[np.uint8], board: Board) -> Detection:
+def detect(
+    image: NDArray[np.uint8],
+    board: Board,
+    *,
+    near: Detection | None = None,
+    min_marker_px: float = MIN_MARKER_PX,
+) -> Detection:
     """
     Detect a board in an image, (h, w) grey or (h, w, 3) BGR, uint8.
 
     A chessboard must be entirely visible. Other boards may be partly visible; the result then
     holds the detected points only.
+
+    Parameters
+    ----------
+    image, board
+        The image, and what to look for.
+    near
+        The detection in the image before. The board is first searched around its place there, and
+        in the whole image if it is not there with at least as many points. A second, equal board
+        elsewhere is not noticed meanwhile.
+    min_marker_px
+        Side of the smallest markers, pixels. Larger values save time; below 12 px, the search
+        takes four times as long.
 
     Raises
     ------
@@ -70,22 +105,72 @@ def detect(image: NDArray[np.uint8], board: Board) -> Detection:
         height, width = grey.shape
         at_least = f'{_MIN_IMAGE_SIDE_PX}x{_MIN_IMAGE_SIDE_PX}'
         return _rejected(f'image too small: {width}x{height} px, at least {at_least} px needed')
+    if near is not None and len(near.ids):
+        rows, columns = _window(board, near, grey.shape[:2])
+        window = np.ascontiguousarray(grey[rows, columns])
+        is_small = window.size < _MAX_WINDOW * grey.size
+        if is_small and min(window.shape) >= _MIN_IMAGE_SIDE_PX:
+            offset_px = np.array([columns.start, rows.start])
+            lens = LensMiddle.of(grey.shape, offset_px)
+            detection = _detect_in(window, board, min_marker_px, lens)
+            if len(detection.ids) >= len(near.ids):
+                return _moved(detection, offset_px)
+    return _detect_in(grey, board, min_marker_px, LensMiddle.of(grey.shape))
+
+
+def _window(board: Board, near: Detection, shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Return the rows and columns around the place of a whole board, of which points are known."""
+    homography, _ = cv2.findHomography(near.board_points, near.image_points)
+    points = near.image_points
+    if homography is not None:
+        predicted = cv2.perspectiveTransform(board.points[:, None], homography)[:, 0]
+        points = np.concatenate([points, predicted])
+    margin = np.maximum(_WINDOW_MARGIN * np.ptp(near.image_points, axis=0).max(), _MIN_MARGIN_PX)
+    size = np.array(shape[::-1])
+    low = np.clip(np.nan_to_num(points.min(axis=0) - margin), 0, size).astype(int)
+    high = np.clip(np.nan_to_num(points.max(axis=0) + margin), 0, size).astype(int)
+    high = np.maximum(high, np.minimum(low + _MIN_IMAGE_SIDE_PX, size))
+    return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
+
+
+def _moved(detection: Detection, offset_px: Ints) -> Detection:
+    """Return a detection in a window as one in the image."""
+    return replace(
+        detection,
+        image_points=detection.image_points + offset_px,
+        rejected=tuple(
+            replace(each, outline=each.outline + offset_px) for each in detection.rejected
+        ),
+    )
+
+
+def _detect_in(
+    grey: NDArray[np.uint8], board: Board, min_marker_px: float, lens: LensMiddle
+) -> Detection:
+    rejected: tuple[RejectedCandidate, ...] = ()
     if isinstance(board, Chessboard):
-        ids, points = find_chessboard(grey, board)
-        reason = f'no {board.columns}x{board.rows} chessboard found'
+        ids, points, reason, rejected = find_chessboard(grey, board)
+    elif isinstance(board, CircleGrid):
+        ids, points, rejected = find_circle_grid(grey, board, lens)
+        reason = (
+            f'no grid of {board.columns}x{board.rows} circles found among {len(rejected)} dark '
+            'circles'
+        )
     elif isinstance(board, Charuco):
-        ids, points = find_charuco(grey, board)
-        reason = f'no corner of a {board.columns}x{board.rows} ChArUco board found'
+        ids, points, markers = find_charuco(grey, board, min_marker_px)
+        reason = markers.reason or (
+            f'no corner of a {board.columns}x{board.rows} ChArUco board found'
+        )
+        rejected = markers.rejected
     else:
-        ids, points, duplicates = find_markers(grey, board)
-        reason = _no_marker_reason(board)
-        if duplicates:
-            reason = f'marker {duplicates[0]} detected more than once'
+        ids, points, markers = find_markers(grey, board, min_marker_px)
+        reason = markers.reason or _no_marker_reason(board)
+        rejected = markers.rejected
     if len(ids) >= _MIN_POINTS:
-        return Detection(points, board.points[ids], ids)
+        return Detection(points, board.points[ids], ids, rejected=rejected)
     if len(ids):
         reason = f'only {len(ids)} points of the board found, at least {_MIN_POINTS} needed'
-    return _rejected(reason)
+    return _rejected(reason, rejected)
 
 
 def _as_grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -94,11 +179,13 @@ def _as_grey(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         raise ValueError(f'image must be (h, w) or (h, w, 3) of uint8, got {shape} of {dtype}')
     if len(shape) == 3 and image.size:
         image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    return np.ascontiguousarray(image.reshape(shape[:2]))
+    # Kernels are compiled for writable arrays; those of messages may be read-only.
+    return np.require(image.reshape(shape[:2]), requirements=['C', 'W'])
 
 
-def _rejected(reason: str) -> Detection:
-    return Detection(np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=np.int64), reason)
+def _rejected(reason: str, rejected: tuple[RejectedCandidate, ...] = ()) -> Detection:
+    none = np.empty((0, 2))
+    return Detection(none, none, np.empty(0, dtype=np.int64), reason, rejected)
 
 
 def _no_marker_reason(board: MarkerBoard) -> str:

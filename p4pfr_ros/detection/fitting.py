@@ -1,97 +1,125 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Many small least-squares fits at once: one model, N image patches."""
+"""
+Least squares in kernels: seven parameters of an image patch, by the Levenberg-Marquardt method.
+
+A model writes its derivatives by the parameters and its residuals, one row each, into
+``Room.rows``; in these loops over pixels, without branches and calls of the C library, the
+compiler uses vector instructions.
+"""
 
 from __future__ import annotations
 
-from typing import Protocol
+import math
+from typing import NamedTuple
 
 import numpy as np
 from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.core.jit import kernel, reducing_kernel
+from p4pfr_ros.core.linalg import solve_in_place
 
+PARAMETERS = 7
+DAMPING_AFTER_SUCCESS, DAMPING_AFTER_FAILURE = 0.2, 10.0
 # Largest slope of tanh: that of the Gaussian with the variance of a unit box, 1/12: √(2/π) √12.
 _MAX_SLOPE = 2.76
-_DAMPING_AFTER_SUCCESS, _DAMPING_AFTER_FAILURE = 0.2, 10.0
+# Beyond, tanh differs from 1 by less than 4e-8.
+_MAX_TANH_ARGUMENT = 9.0
 
 
-class PatchModel(Protocol):
-    """Grey levels of N patches as a function of their parameters."""
-
-    def evaluate(self, parameters: Array) -> tuple[Array, Array]:
-        """Return the levels (N, m) for parameters (N, p), and their derivatives (N, m, p)."""
-
-
-def fit_patches(
-    model: PatchModel,
-    start: Array,
-    observed: Array,
-    weights: Array,
-    iterations: int,
-    *,
-    first_damping: float = 1e-3,
-) -> tuple[Array, Array]:
+class Room(NamedTuple):
     """
-    Fit a model to each of N patches with the Levenberg-Marquardt method.
+    Workspace of a fit to at most m pixels.
 
-    Parameters
-    ----------
-    model
-        The model to fit.
-    start : (N, p) array
-        Initial parameters.
-    observed, weights : (N, m) arrays
-        Observed grey levels and their weights.
-    iterations
-        Number of steps to try.
-    first_damping
-        Damping of the first step, relative to the curvature; larger values shorten the step.
-
-    Returns
-    -------
-    The parameters (N, p) and the weighted rms residual (N,).
-
+    ``parameters`` (2, 7) and ``normal`` (2, 7, 8) are those of the best fit and of the trial;
+    ``normal`` holds the upper triangle of JᵀWJ, and JᵀWr in its last column. ``rows`` (8, m) are
+    the derivatives and the residuals, ``weighted`` (m,) and ``system`` (7, 8) are scratch.
     """
-    parameters = start.copy()
-    values, derivatives = model.evaluate(parameters)
-    cost = _cost(observed - values, weights)
-    damping = np.full(len(start), first_damping)
-    for _ in range(iterations):
-        step = _damped_step(observed - values, derivatives, weights, damping)
-        trial = parameters + step
-        trial_values, trial_derivatives = model.evaluate(trial)
-        trial_cost = _cost(observed - trial_values, weights)
-        better = trial_cost < cost
-        parameters[better] = trial[better]
-        values[better], derivatives[better] = trial_values[better], trial_derivatives[better]
-        cost = np.where(better, trial_cost, cost)
-        damping *= np.where(better, _DAMPING_AFTER_SUCCESS, _DAMPING_AFTER_FAILURE)
-    rms: Array = np.sqrt(cost / np.maximum(weights.sum(axis=1), 1e-9))
-    return parameters, rms
+
+    parameters: Array
+    normal: Array
+    rows: Array
+    weighted: Array
+    system: Array
 
 
-def sharpness(q: Array) -> tuple[Array, Array]:
+def room(pixels: int) -> Room:
+    """Allocate the workspace."""
+    return Room(
+        np.zeros((2, PARAMETERS)),
+        np.zeros((2, PARAMETERS, PARAMETERS + 1)),
+        np.zeros((PARAMETERS + 1, pixels)),
+        np.zeros(pixels),
+        np.zeros((PARAMETERS, PARAMETERS + 1)),
+    )
+
+
+@kernel
+def tanh(x: float) -> float:
+    """Approximate tanh with an error below 4e-8, without a branch: loops over it vectorise."""
+    # Lambert's continued fraction at x / 4, cut after five terms, is p / q. Doubling the argument
+    # twice, by tanh 2y = 2 t / (1 + t²), needs a single division.
+    y = 0.25 * min(max(x, -_MAX_TANH_ARGUMENT), _MAX_TANH_ARGUMENT)
+    y2 = y * y
+    p = y * (945.0 + y2 * (105.0 + y2))
+    q = 945.0 + y2 * (420.0 + 15.0 * y2)
+    p, q = 2.0 * p * q, p * p + q * q
+    return 2.0 * p * q / (p * p + q * q)
+
+
+@kernel
+def sharpness(q: float) -> tuple[float, float]:
     """
     Map an unbounded parameter q to the slope s of an edge tanh(s e), per pixel; return s, ds/dq.
 
     s is bounded by the slope of an ideal edge averaged over a pixel; q = 0 gives half of it. An
     even sharper edge would leave its position within a pixel undetermined.
     """
-    s: Array = _MAX_SLOPE / (1.0 + np.exp(-np.clip(q, -30.0, 30.0)))
+    s = _MAX_SLOPE / (1.0 + math.exp(-min(max(q, -30.0), 30.0)))
     return s, s * (1.0 - s / _MAX_SLOPE)
 
 
-def _cost(residuals: Array, weights: Array) -> Array:
-    cost: Array = np.sum(weights * residuals**2, axis=1)
+@reducing_kernel
+def add_up(rows: Array, weights: Array, count: int, weighted: Array, normal: Array) -> float:
+    """Write the normal equations of the first ``count`` pixels; return the weighted cost."""
+    for i in range(PARAMETERS + 1):
+        for k in range(count):
+            weighted[k] = weights[k] * rows[i, k]
+        # The last row are the residuals: their square is the cost.
+        if i == PARAMETERS:
+            break
+        for j in range(i, PARAMETERS + 1):
+            total = 0.0
+            for k in range(count):
+                total += weighted[k] * rows[j, k]
+            normal[i, j] = total
+    cost = 0.0
+    for k in range(count):
+        cost += weighted[k] * rows[PARAMETERS, k]
     return cost
 
 
-def _damped_step(residuals: Array, derivatives: Array, weights: Array, damping: Array) -> Array:
-    weighted = derivatives * weights[..., None]
-    normal = np.swapaxes(weighted, 1, 2) @ derivatives
-    gradient = np.swapaxes(weighted, 1, 2) @ residuals[..., None]
-    diagonal = np.einsum('nii->ni', normal)
-    # The constant keeps the matrix regular for a uniform patch, where all derivatives are zero.
-    diagonal += damping[:, None] * diagonal + 1e-6
-    step: Array = np.asarray(np.linalg.solve(normal, gradient)[..., 0], dtype=np.float64)
-    return step
+@kernel
+def damped_step(room: Room, damping: float) -> None:
+    """Write into parameters[1] a damped Gauss-Newton step from parameters[0]."""
+    parameters, normal, system = room.parameters, room.normal, room.system
+    for i in range(PARAMETERS):
+        for j in range(i, PARAMETERS + 1):
+            system[i, j] = normal[0, i, j]
+            if j < PARAMETERS:
+                system[j, i] = normal[0, i, j]
+        # The constant keeps the matrix regular for a uniform patch: all derivatives are zero.
+        system[i, i] += damping * normal[0, i, i] + 1e-6
+    solve_in_place(system, PARAMETERS)
+    for i in range(PARAMETERS):
+        parameters[1, i] = parameters[0, i] + system[i, PARAMETERS]
+
+
+@kernel
+def accept_trial(room: Room, trial: int) -> None:
+    """Make the trial (0: the initial parameters, 1: a step) the best fit."""
+    parameters, normal = room.parameters, room.normal
+    for i in range(PARAMETERS):
+        parameters[0, i] = parameters[trial, i]
+        for j in range(i, PARAMETERS + 1):
+            normal[0, i, j] = normal[trial, i, j]

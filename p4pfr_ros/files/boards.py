@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Loads boards from YAML files."""
+"""Loads boards from YAML files, and Kalibr's targets."""
 
 from __future__ import annotations
 
@@ -10,7 +10,17 @@ from itertools import combinations
 import os
 from typing import Any
 
-from p4pfr_ros.boards import Board, Bundle, Charuco, Chessboard, Marker, MarkerGrid, PlacedMarker
+from p4pfr_ros.boards import (
+    AprilGrid,
+    Board,
+    Bundle,
+    Charuco,
+    Chessboard,
+    CircleGrid,
+    Marker,
+    MarkerGrid,
+    PlacedMarker,
+)
 from p4pfr_ros.boards.parts import code_family
 from p4pfr_ros.files.yaml_fields import ConfigError, Fields, length_keys, read_yaml
 
@@ -19,8 +29,19 @@ _TYPES: dict[str, type[Board]] = {
     'charuco': Charuco,
     'marker': Marker,
     'marker_grid': MarkerGrid,
+    'aprilgrid': AprilGrid,
     'bundle': Bundle,
+    'circle_grid': CircleGrid,
 }
+# Kalibr's names of the arguments of an AprilGrid; all but the last are required.
+_KALIBR_KEYS = {
+    'columns': 'tagCols',
+    'rows': 'tagRows',
+    'tag_m': 'tagSize',
+    'spacing': 'tagSpacing',
+    'first_id': 'codeOffset',
+}
+_KALIBR_TYPE = 'target_type'
 # In metres like the lengths, but of any sign.
 _COORDINATES = ('x_m', 'y_m')
 
@@ -48,9 +69,12 @@ def load_boards(path: str | os.PathLike[str]) -> dict[str, Board]:
     Load the boards of a file, by name.
 
     The file's only key ``boards`` maps names to boards. A board's key ``type`` selects its class
-    (chessboard, charuco, marker, marker_grid, bundle); its other keys are the fields of that
-    class. Lengths are given in metres (``square_m``) or millimetres (``square_mm``). Every board
-    of a file must be distinguishable from the others in an image.
+    (chessboard, charuco, marker, marker_grid, aprilgrid, bundle, circle_grid); its other keys are
+    the fields of that class. Lengths are given in metres (``square_m``) or millimetres
+    (``square_mm``). Every board of a file must be distinguishable from the others in an image.
+
+    An aprilgrid has Kalibr's keys (``tagCols``, ``tagRows``, ``tagSize``, ``tagSpacing``). A file
+    with Kalibr's key ``target_type: 'aprilgrid'`` holds that one board, called ``board``.
 
     Raises
     ------
@@ -69,6 +93,8 @@ def _boards_from(tree: object) -> dict[str, Board]:
     if tree is None:
         raise ValueError("expected a key 'boards', got an empty file")
     file = Fields.of(tree, expected="a key 'boards'")
+    if _KALIBR_TYPE in file:
+        return {'board': _kalibr_target_from(file)}
     file.reject_unknown(['boards'])
     given = file.section('boards', 'names of boards')
     if not given.values:
@@ -84,20 +110,57 @@ def _board_from(name: object, boards: Fields) -> Board:
         raise ValueError(f'{boards.path_of(name)}: expected a word as the name, got {name!r}')
     fields = boards.section(name, 'keys such as type')
     kind = _TYPES[fields.choice('type', _TYPES)]
+    if kind is AprilGrid:
+        return _aprilgrid_from(fields, name, 'type')
     arguments = _arguments(kind, fields, ['type'])
     if kind is Bundle:
         markers = fields.sections('markers', 'keys such as id', 'a list of markers')
         arguments['markers'] = tuple(_marker_from(marker) for marker in markers)
     try:
-        board = kind(name=name, **arguments)
-        if board.marker_ids:
-            # Imports OpenCV, which is slow and needed for markers only.
-            from p4pfr_ros.detection.aruco import check_markers
-
-            check_markers(board)
-        return board
+        return _checked(kind(name=name, **arguments))
     except ValueError as error:
         raise ValueError(f'{fields.path}.{error}') from None
+
+
+def _checked(board: Board) -> Board:
+    """Return the board, whose markers OpenCV has."""
+    if board.marker_ids:
+        # Imports OpenCV, which is slow and needed for markers only.
+        from p4pfr_ros.detection.aruco import check_markers
+
+        check_markers(board)
+    return board
+
+
+def _kalibr_target_from(fields: Fields) -> Board:
+    """Return the board of a target file of Kalibr."""
+    kind = fields.values[_KALIBR_TYPE]
+    if kind != 'aprilgrid':
+        raise fields.error(
+            _KALIBR_TYPE, "'aprilgrid'", ': describe other targets with the key boards'
+        )
+    return _aprilgrid_from(fields, 'board', _KALIBR_TYPE)
+
+
+def _aprilgrid_from(fields: Fields, name: str, type_key: str) -> Board:
+    """Return an AprilGrid from Kalibr's keys and those of its other fields."""
+    others = ['first_id', 'dictionary', 'border_bits', 'inverted']
+    fields.reject_unknown([type_key, *_KALIBR_KEYS.values(), *others])
+    if 'codeOffset' in fields and 'first_id' in fields:
+        raise fields.error('codeOffset', 'one of codeOffset and first_id', ' and first_id')
+    for required in list(_KALIBR_KEYS.values())[:-1]:
+        if required not in fields:
+            raise fields.error(required, 'a value')
+    keys = {argument: key for argument, key in _KALIBR_KEYS.items() if key in fields}
+    arguments = {argument: fields.values[key] for argument, key in keys.items()}
+    for argument in ('tag_m', 'spacing'):
+        arguments[argument] = fields.number(keys[argument])
+    arguments |= {key: fields.values[key] for key in others if key in fields}
+    try:
+        return _checked(AprilGrid(name=name, **arguments))
+    except ValueError as error:
+        argument, _, rest = str(error).partition(':')
+        raise ValueError(f'{fields.path_of(keys.get(argument, argument))}:{rest}') from None
 
 
 def _marker_from(fields: Fields) -> PlacedMarker:
@@ -149,5 +212,8 @@ def _features(board: Board) -> set[str]:
     if isinstance(board, Chessboard):
         longer, shorter = sorted((board.columns, board.rows), reverse=True)
         return {f'a chessboard of {longer}x{shorter} corners'}
+    if isinstance(board, CircleGrid):
+        kind = 'an asymmetric' if board.asymmetric else 'a symmetric'
+        return {f'{kind} grid of {board.columns}x{board.rows} circles'}
     family = code_family(board.dictionary)
     return {f'marker {marker_id} of {family}' for marker_id in board.marker_ids}

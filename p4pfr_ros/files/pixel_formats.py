@@ -4,7 +4,7 @@
 """
 Decodes ROS image messages to arrays: (h, w) grey or (h, w, 3) BGR, 8 bits.
 
-16-bit values are scaled from 65535 to 255, alpha is dropped, Bayer patterns are demosaiced. Only
+Deep images are scaled to 8 bits (``levels``), alpha is dropped, Bayer patterns become grey. Only
 the fields of a message are used, so that messages of rclpy and rosbags both work.
 """
 
@@ -15,8 +15,17 @@ from typing import Any, Protocol
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
-from p4pfr_ros.files.images import decode_image, ImageArray
+from p4pfr_ros.files.images import (
+    decode_image,
+    Decoding,
+    DEFAULT_DECODING,
+    ImageArray,
+    size_error,
+    Unreadable,
+)
+from p4pfr_ros.files.levels import to_eight_bits
+
+__all__ = ['Unreadable', 'image_from_compressed_fields', 'image_from_fields']
 
 
 class ImageFields(Protocol):
@@ -38,53 +47,69 @@ class CompressedImageFields(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Unreadable:
-    """Why a message could not be decoded: a cause to count by, and a sentence for the log."""
-
-    cause: str
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
 class _Encoding:
-    """Channels, bytes per channel, and cv2's conversion code to grey or BGR (None: no change)."""
+    """
+    The layout of the data, and cv2's conversion codes.
 
-    channels: int
-    bytes: int = 1
+    ``type`` is NumPy's type of a value without byte order; ``code`` converts to BGR or grey,
+    ``grey`` to grey (None: as it is). An image with ``planes`` has half as many rows of chroma,
+    two interleaved values per two pixels, below those of luma.
+    """
+
+    channels: int = 1
+    type: str = 'u1'
     code: int | None = None
+    grey: int | None = None
+    planes: bool = False
+
+    @property
+    def pixel_bytes(self) -> int:
+        return self.channels * int(self.type[1:])
 
 
+_BGR: dict[str, Any] = {'channels': 3, 'grey': cv2.COLOR_BGR2GRAY}
+_RGB: dict[str, Any] = {'channels': 3, 'code': cv2.COLOR_RGB2BGR, 'grey': cv2.COLOR_RGB2GRAY}
+_BGRA = _Encoding(4, code=cv2.COLOR_BGRA2BGR, grey=cv2.COLOR_BGRA2GRAY)
+_UYVY = _Encoding(2, code=cv2.COLOR_YUV2BGR_UYVY, grey=cv2.COLOR_YUV2GRAY_UYVY)
+_YUYV = _Encoding(2, code=cv2.COLOR_YUV2BGR_YUYV, grey=cv2.COLOR_YUV2GRAY_YUYV)
+_NV12, _NV21 = cv2.COLOR_YUV2BGR_NV12, cv2.COLOR_YUV2BGR_NV21
 # ROS names a Bayer pattern after its top left 2x2 pixels, cv2 after the second and third pixel of
-# the second row.
+# the second row. Detection needs grey, and colour would take twice as long.
 _BAYER = {
-    'rggb': cv2.COLOR_BayerBG2BGR,
-    'bggr': cv2.COLOR_BayerRG2BGR,
-    'gbrg': cv2.COLOR_BayerGR2BGR,
-    'grbg': cv2.COLOR_BayerGB2BGR,
+    'rggb': cv2.COLOR_BayerBG2GRAY,
+    'bggr': cv2.COLOR_BayerRG2GRAY,
+    'gbrg': cv2.COLOR_BayerGR2GRAY,
+    'grbg': cv2.COLOR_BayerGB2GRAY,
 }
 _ENCODINGS = {
-    'mono8': _Encoding(1),
-    'mono16': _Encoding(1, 2),
-    '8UC1': _Encoding(1),
-    '8UC3': _Encoding(3),
-    '16UC1': _Encoding(1, 2),
-    'bgr8': _Encoding(3),
-    'rgb8': _Encoding(3, 1, cv2.COLOR_RGB2BGR),
-    'bgr16': _Encoding(3, 2),
-    'rgb16': _Encoding(3, 2, cv2.COLOR_RGB2BGR),
-    'bgra8': _Encoding(4, 1, cv2.COLOR_BGRA2BGR),
-    'rgba8': _Encoding(4, 1, cv2.COLOR_RGBA2BGR),
-    '8UC4': _Encoding(4, 1, cv2.COLOR_BGRA2BGR),
-    'yuv422': _Encoding(2, 1, cv2.COLOR_YUV2BGR_UYVY),
-    'uyvy': _Encoding(2, 1, cv2.COLOR_YUV2BGR_UYVY),
-    'yuv422_yuy2': _Encoding(2, 1, cv2.COLOR_YUV2BGR_YUYV),
-    'yuyv': _Encoding(2, 1, cv2.COLOR_YUV2BGR_YUYV),
-    **{f'bayer_{name}8': _Encoding(1, 1, code) for name, code in _BAYER.items()},
-    **{f'bayer_{name}16': _Encoding(1, 2, code) for name, code in _BAYER.items()},
+    'mono8': _Encoding(),
+    'mono16': _Encoding(type='u2'),
+    '8UC1': _Encoding(),
+    '8UC3': _Encoding(**_BGR),
+    '16UC1': _Encoding(type='u2'),
+    '16SC1': _Encoding(type='i2'),
+    '32FC1': _Encoding(type='f4'),
+    'bgr8': _Encoding(**_BGR),
+    'rgb8': _Encoding(**_RGB),
+    'bgr16': _Encoding(type='u2', **_BGR),
+    'rgb16': _Encoding(type='u2', **_RGB),
+    'bgra8': _BGRA,
+    'rgba8': _Encoding(4, code=cv2.COLOR_RGBA2BGR, grey=cv2.COLOR_RGBA2GRAY),
+    '8UC4': _BGRA,
+    'yuv422': _UYVY,
+    'uyvy': _UYVY,
+    'yuv422_yuy2': _YUYV,
+    'yuyv': _YUYV,
+    'nv12': _Encoding(code=_NV12, grey=cv2.COLOR_YUV2GRAY_NV12, planes=True),
+    'nv21': _Encoding(code=_NV21, grey=cv2.COLOR_YUV2GRAY_NV21, planes=True),
+    **{f'bayer_{name}8': _Encoding(code=code, grey=code) for name, code in _BAYER.items()},
+    **{f'bayer_{name}16': _Encoding(1, 'u2', code, code) for name, code in _BAYER.items()},
 }
 
 
-def image_from_fields(msg: ImageFields) -> ImageArray | Unreadable:
+def image_from_fields(
+    msg: ImageFields, how: Decoding = DEFAULT_DECODING
+) -> ImageArray | Unreadable:
     """Decode an Image."""
     encoding = _ENCODINGS.get(msg.encoding)
     if encoding is None:
@@ -92,52 +117,56 @@ def image_from_fields(msg: ImageFields) -> ImageArray | Unreadable:
             'encoding',
             f'image: unknown encoding {msg.encoding!r}, expected one of {", ".join(_ENCODINGS)}',
         )
-    unreadable = _size_error(msg, encoding)
+    unreadable = _layout_error(msg, encoding, how)
     if unreadable is not None:
         return unreadable
-    used = msg.width * encoding.channels * encoding.bytes
-    rows = np.frombuffer(msg.data, np.uint8, msg.height * msg.step).reshape(msg.height, msg.step)
-    image = _to_eight_bits(np.ascontiguousarray(rows[:, :used]), encoding.bytes, msg.is_bigendian)
-    if encoding.channels > 1:
-        image = image.reshape(msg.height, msg.width, encoding.channels)
-    return image if encoding.code is None else _as_uint8(cv2.cvtColor(image, encoding.code))
-
-
-def image_from_compressed_fields(msg: CompressedImageFields) -> ImageArray | Unreadable:
-    """Decode a CompressedImage: JPEG, PNG or any other format that OpenCV reads."""
-    image = decode_image(bytes(msg.data))
+    height = _rows(msg, encoding)
+    rows = np.frombuffer(msg.data, np.uint8, height * msg.step).reshape(height, msg.step)
+    used = np.ascontiguousarray(rows[:, : msg.width * encoding.pixel_bytes])
+    order = '>' if msg.is_bigendian else '<'
+    values = used.view(order + encoding.type).astype(encoding.type, copy=False)
+    image = to_eight_bits(values, by_content=how.by_content)
     if image is None:
-        return Unreadable('encoding', f'image: cannot decode the data (format {msg.format!r})')
+        return Unreadable('values', 'image: expected finite levels, got none')
+    if encoding.channels > 1:
+        image = image.reshape(height, msg.width, encoding.channels)
+    code = encoding.grey if how.as_grey else encoding.code
+    return image if code is None else np.asarray(cv2.cvtColor(image, code), dtype=np.uint8)
+
+
+def image_from_compressed_fields(
+    msg: CompressedImageFields, how: Decoding = DEFAULT_DECODING
+) -> ImageArray | Unreadable:
+    """Decode a CompressedImage: a JPEG, PNG or another file that ``decode_image`` reads."""
+    image = decode_image(bytes(msg.data), how)
+    if isinstance(image, Unreadable):
+        return Unreadable(image.cause, f'image: {image.reason} (format {msg.format!r})')
     return image
 
 
-def _size_error(msg: ImageFields, encoding: _Encoding) -> Unreadable | None:
-    used = msg.width * encoding.channels * encoding.bytes
+def _rows(msg: ImageFields, encoding: _Encoding) -> int:
+    return msg.height + msg.height // 2 if encoding.planes else msg.height
+
+
+def _layout_error(msg: ImageFields, encoding: _Encoding, how: Decoding) -> Unreadable | None:
+    """Return why the data of an image cannot have the layout that its fields state, or None."""
+    used = msg.width * encoding.pixel_bytes
     if used == 0 or msg.height == 0:
         return Unreadable(
             'empty', f'image: expected at least 1x1 px, got {msg.width}x{msg.height}'
         )
     if msg.step < used:
         return Unreadable('layout', f'image: expected step >= {used}, got {msg.step}')
-    if len(msg.data) < msg.height * msg.step:
-        return Unreadable(
-            'truncated',
-            f'image: expected {msg.height * msg.step} bytes, got {len(msg.data)}',
-        )
-    if encoding.channels == 2 and msg.width % 2:
+    needed = _rows(msg, encoding) * msg.step
+    if len(msg.data) < needed:
+        return Unreadable('truncated', f'image: expected {needed} bytes, got {len(msg.data)}')
+    if (encoding.channels == 2 or encoding.planes) and msg.width % 2:
         return Unreadable(
             'layout', f'image: {msg.encoding} requires an even width, got {msg.width}'
         )
-    return None
-
-
-def _to_eight_bits(rows: ImageArray, size: int, is_bigendian: int) -> ImageArray:
-    """Convert rows of bytes to rows of 8-bit values; size is the bytes per value."""
-    if size == 1:
-        return rows
-    # The upper byte is value / 256, which is within one grey level of value * 255 / 65535.
-    return np.ascontiguousarray(rows[:, 0 if is_bigendian else 1 :: 2])
-
-
-def _as_uint8(image: NDArray[np.generic]) -> ImageArray:
-    return image.astype(np.uint8, copy=False)
+    if encoding.planes and msg.height % 2:
+        return Unreadable(
+            'layout', f'image: {msg.encoding} requires an even height, got {msg.height}'
+        )
+    too_large = size_error(msg.width, msg.height, how)
+    return None if too_large is None else Unreadable('too_large', f'image: {too_large.reason}')

@@ -9,18 +9,22 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros.boards import Board
+from p4pfr_ros.boards import Board, CircleGrid
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection.aruco import check_markers, marker_cells
 
+# Vertices of a circle's polygon, which has the circle's area: its outline is within 1e-4 radii.
+_CIRCLE_VERTICES = 180
+
 
 @lru_cache(maxsize=32)
-def black_quads(board: Board) -> Array:
+def black_shapes(board: Board) -> Array:
     """
-    Return the black rectangles of the pattern as corners (N, 4, 2) in metres, clockwise.
+    Return the black shapes of the pattern as polygons (N, n, 2) in metres, clockwise.
 
-    A rectangle in a marker is rotated with it. Rectangles may touch but do not overlap. The array
-    is read-only.
+    Squares and cells are rectangles (n = 4), circles have more vertices. A rectangle in a marker
+    is rotated with it. Shapes may touch but do not overlap. In an inverted board they are white.
+    The array is read-only.
 
     Raises
     ------
@@ -28,14 +32,32 @@ def black_quads(board: Board) -> Array:
         OpenCV lacks the dictionary, or the dictionary lacks a marker.
 
     """
+    black = _discs(board) if isinstance(board, CircleGrid) else _black_quads(board)
+    black.flags.writeable = False  # shared through the cache
+    return black
+
+
+def _black_quads(board: Board) -> Array:
     check_markers(board)
     parts = [quads(board.black_squares)]
     for marker_id, corners in zip(board.marker_ids, board.marker_corners, strict=True):
-        cells = marker_cells(board.dictionary, marker_id)  # type: ignore[union-attr]
+        cells = marker_cells(
+            board.dictionary,  # type: ignore[union-attr]
+            marker_id,
+            board.border_bits,  # type: ignore[union-attr]
+        )
         parts.append(_cell_quads(cells, corners))
-    black = np.concatenate(parts)
-    black.flags.writeable = False  # shared through the cache
-    return black
+    return np.concatenate(parts)
+
+
+def _discs(board: CircleGrid) -> Array:
+    """Return the circles as polygons (N, n, 2)."""
+    angles = np.linspace(0.0, -2.0 * np.pi, _CIRCLE_VERTICES, endpoint=False)
+    step = 2.0 * np.pi / _CIRCLE_VERTICES
+    radius_m = 0.5 * board.diameter_m * np.sqrt(step / np.sin(step))
+    circle = radius_m * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    discs: Array = board.points[:, None] + circle
+    return discs
 
 
 def quads(rectangles: Array) -> Array:

@@ -17,10 +17,18 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 import numpy as np
-from p4pfr_ros.boards import Board, Bundle, Charuco, Chessboard, Marker
+from p4pfr_ros.boards import (
+    AprilGrid,
+    Board,
+    Bundle,
+    Charuco,
+    Chessboard,
+    CircleGrid,
+    Marker,
+)
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.files.yaml_fields import ConfigError
-from p4pfr_ros.rendering.pattern import black_quads
+from p4pfr_ros.rendering.pattern import black_shapes
 
 _MM_PER_INCH = 25.4
 _MAX_SIDE_PX = 30_000
@@ -83,26 +91,47 @@ def print_board(board: Board, path: str | os.PathLike[str], *, dpi: float = 300.
 
 def describe(board: Board) -> str:
     """Return a one-line description of a board with its dimensions."""
+    return f'{board.name}: {_kind_of(board)}{_variant_of(board)}'
+
+
+def _kind_of(board: Board) -> str:
     if isinstance(board, Chessboard):
-        text = (
+        return (
             f'chessboard {board.columns}x{board.rows} inner corners, squares {_mm(board.square_m)}'
         )
-    elif isinstance(board, Charuco):
+    if isinstance(board, CircleGrid):
+        kind = 'asymmetric' if board.asymmetric else 'symmetric'
+        return (
+            f'{kind} grid of {board.columns}x{board.rows} circles, diameter '
+            f'{_mm(board.diameter_m)}, spacing {_mm(board.spacing_m)}'
+        )
+    if isinstance(board, Charuco):
+        first = f' from {board.first_id}' if board.first_id else ''
         legacy = ', legacy pattern' if board.legacy_pattern else ''
-        text = (
+        return (
             f'charuco {board.columns}x{board.rows} squares of {_mm(board.square_m)}, '
-            f'markers {_mm(board.marker_m)}, {board.dictionary}{legacy}'
+            f'markers {_mm(board.marker_m)}, {board.dictionary}{first}{legacy}'
         )
-    elif isinstance(board, Marker):
-        text = f'marker {board.id} of {board.dictionary}, side {_mm(board.size_m)}'
-    elif isinstance(board, Bundle):
-        text = f'bundle of {len(board.markers)} markers of {board.dictionary}'
-    else:
-        text = (
-            f'marker grid {board.columns}x{board.rows}, markers {_mm(board.marker_m)}, '
-            f'gaps {_mm(board.separation_m)}, {board.dictionary} from {board.first_id}'
+    if isinstance(board, Marker):
+        return f'marker {board.id} of {board.dictionary}, side {_mm(board.size_m)}'
+    if isinstance(board, Bundle):
+        return f'bundle of {len(board.markers)} markers of {board.dictionary}'
+    if isinstance(board, AprilGrid):
+        return (
+            f'AprilGrid {board.columns}x{board.rows}, tags {_mm(board.tag_m)}, '
+            f'gaps {_mm(board.spacing * board.tag_m)}, {board.dictionary} from {board.first_id}'
         )
-    return f'{board.name}: {text}'
+    return (
+        f'marker grid {board.columns}x{board.rows}, markers {_mm(board.marker_m)}, '
+        f'gaps {_mm(board.separation_m)}, {board.dictionary} from {board.first_id}'
+    )
+
+
+def _variant_of(board: Board) -> str:
+    """Return what is unusual about the print of a board, as text."""
+    border = getattr(board, 'border_bits', 1)
+    text = '' if border == 1 else f', borders of {border} cells'
+    return text + (', white on black' if board.inverted is True else '')
 
 
 def _mm(length_m: float) -> str:
@@ -112,16 +141,17 @@ def _mm(length_m: float) -> str:
 def _page(board: Board, page_mm: Array) -> Figure:
     """Return a page with the pattern at its centre."""
     width_mm, height_mm = (float(side) for side in page_mm)
-    figure = Figure(figsize=(width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH), facecolor='white')
+    paper, ink = ('black', 'white') if board.inverted is True else ('white', 'black')
+    figure = Figure(figsize=(width_mm / _MM_PER_INCH, height_mm / _MM_PER_INCH), facecolor=paper)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_xlim(-0.5 * width_mm, 0.5 * width_mm)
     axes.set_ylim(-0.5 * height_mm, 0.5 * height_mm)
     axes.set_axis_off()
-    quads_mm = 1000.0 * black_quads(board)
+    shapes_mm = 1000.0 * black_shapes(board)
     # One compound path: separate cells would show hairlines where they touch.
-    shape = Outline.make_compound_path(*(_outline(quad) for quad in quads_mm))
-    axes.add_patch(PathPatch(shape, facecolor='black', linewidth=0.0, snap=False))
-    margin_mm = 0.5 * height_mm + float(quads_mm[..., 1].min())
+    pattern = Outline.make_compound_path(*(_outline(shape) for shape in shapes_mm))
+    axes.add_patch(PathPatch(pattern, facecolor=ink, linewidth=0.0, snap=False))
+    margin_mm = 0.5 * height_mm + float(shapes_mm[..., 1].min())
     text = f'{describe(board)}. Print at 100 %.'
     # A letter is about half as wide as it is high.
     size_mm = min(_TEXT_MM, _TEXT_IN_MARGINS * margin_mm, 0.9 * width_mm / (0.55 * len(text)))

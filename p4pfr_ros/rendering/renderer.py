@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from p4pfr_ros.boards import Board
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array, Pose
-from p4pfr_ros.rendering.pattern import black_quads, quads
+from p4pfr_ros.rendering.pattern import black_shapes, quads
 from p4pfr_ros.rendering.rasterizer import coverage
 
 # A curved edge is approximated by chords with at most this error.
@@ -152,25 +152,29 @@ class Renderer:
         width_m, height_m = board.sheet_size_m
         sheet = 0.5 * np.array([[-width_m, -height_m, width_m, height_m]])
         paper = self._coverage(quads(sheet), camera_from_board)
-        scene = self._background + np.abs(paper) * (self._white - self._background)
+        # An inverted board is printed white on black; 'any' is rendered black on white.
+        inverted = board.inverted is True
+        sheet_level = self._black if inverted else self._white
+        ink_level = self._white if inverted else self._black
+        scene = self._background + np.abs(paper) * (sheet_level - self._background)
         # The camera sees the printed side if the board's z axis points towards it.
         if camera_from_board.rotation[:, 2] @ camera_from_board.translation < 0.0:
-            ink = self._coverage(black_quads(board), camera_from_board)
-            scene = scene - ink * (self._white - self._black)
+            ink = self._coverage(black_shapes(board), camera_from_board)
+            scene = scene + ink * (ink_level - sheet_level)
         if self._light is not None:
             scene = scene * self._light
         return scene.astype(np.float32)
 
     def _coverage(self, shapes: Array, camera_from_board: Pose) -> Array:
-        """Return the fraction (h, w) of each pixel that quads (N, 4, 2) of the board cover."""
+        """Return the fraction (h, w) of each pixel that polygons (N, n, 2) of the board cover."""
         return coverage(self._edges(shapes, camera_from_board), self.image_size)
 
     def _edges(self, shapes: Array, camera_from_board: Pose) -> Array:
         """
-        Return the edges (M, 4) of the projected quads as polygons: x0, y0, x1, y1 px.
+        Return the edges (M, 4) of the projected polygons: x0, y0, x1, y1 px.
 
-        Quads (N, 4, 2) are corners in metres in the board frame, clockwise. Seen from the front,
-        the polygons are clockwise in the image too.
+        Polygons (N, n, 2) are corners in metres in the board frame, clockwise. Seen from the
+        front, they are clockwise in the image too.
         """
         points = camera_from_board.transform(np.pad(shapes, ((0, 0), (0, 0), (0, 1))))
         near = _NEAR * float(np.linalg.norm(camera_from_board.translation))

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from itertools import pairwise
 import math
 
@@ -15,6 +16,7 @@ from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.core.minimal.solution import Solution
 from p4pfr_ros.detection import Detection
+from p4pfr_ros.detection.candidates import NO_CODE, RejectedCandidate
 from p4pfr_ros.files.images import ImageArray
 
 __all__ = ['annotate', 'straighten', 'straightened_camera']
@@ -22,7 +24,15 @@ __all__ = ['annotate', 'straighten', 'straightened_camera']
 # Blue, green, red.
 _CORNER, _OUTLINE = (0, 215, 255), (255, 160, 0)
 _AXES = ((60, 60, 255), (60, 200, 60), (255, 90, 60))  # x red, y green, z blue
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
 _INK = (255, 255, 255)
+_REJECTED = (200, 80, 255)
+# Of the candidates without a code, which are many, these largest ones are drawn.
+_MAX_WITHOUT_CODE = 40
+# The same reason is written so many times.
+_MAX_WRITTEN = 3
+# A candidate with all corners this close to detected points is detected, pixels.
+_SAME_PX = 6.0
 # Fractional bits of the coordinates that cv2 draws at: 1/16 px.
 _SHIFT = 4
 # Segments per straight edge, which lens distortion bends.
@@ -45,7 +55,8 @@ def annotate(
     image
         (h, w) or (h, w, 3) uint8.
     detection
-        Its points are circled; if it has none, its reason is written.
+        Its points are circled; if it has none, its reason is written. Rejected candidates are
+        outlined thinly, with their reasons; those that are merely no marker only without points.
     solution
         If given together with ``board``, the board's outline and axes (x red, y green, z blue)
         are projected with it, lens distortion included.
@@ -59,6 +70,7 @@ def annotate(
     """
     canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
     scale = max(1.0, canvas.shape[0] / _REFERENCE_HEIGHT_PX)
+    _draw_candidates(canvas, _shown_candidates(detection), scale)
     if solution is not None and board is not None:
         _draw_board(canvas, solution, board, scale)
     for point in detection.image_points:
@@ -131,6 +143,45 @@ def _square_outline() -> Array:
     )
 
 
+def _shown_candidates(detection: Detection) -> list[RejectedCandidate]:
+    """Return the rejected candidates to draw: none that is a detected part of another board."""
+    found = detection.image_points
+    others = [
+        candidate
+        for candidate in detection.rejected
+        if not len(found) or _distance_px(candidate.outline, found).max() > _SAME_PX
+    ]
+    without_code = [candidate for candidate in others if candidate.reason == NO_CODE]
+    without_code.sort(key=lambda candidate: -np.ptp(candidate.outline, axis=0).sum())
+    named = [candidate for candidate in others if candidate.reason != NO_CODE]
+    return named + ([] if len(found) else without_code[:_MAX_WITHOUT_CODE])
+
+
+def _distance_px(points: Array, others: Array) -> Array:
+    """Return the distance (N,) of each point (N, 2) to the nearest of others (M, 2)."""
+    nearest: Array = np.linalg.norm(points[:, None] - others, axis=2).min(axis=1)
+    return nearest
+
+
+def _draw_candidates(
+    canvas: ImageArray, candidates: list[RejectedCandidate], scale: float
+) -> None:
+    """Outline the candidates; write their reasons above them, where there is space."""
+    is_written, times = np.zeros(canvas.shape[:2], dtype=bool), Counter[str]()
+    for candidate in candidates:
+        points = np.rint(candidate.outline * 2**_SHIFT).astype(np.int32)
+        cv2.polylines(canvas, [points], True, _REJECTED, 1, cv2.LINE_AA, _SHIFT)
+        x, y = candidate.outline.min(axis=0)
+        size = 0.35 * scale
+        left, bottom, width, height = _text_box(canvas, candidate.reason, (x, y - 3 * scale), size)
+        box = np.s_[max(0, bottom - height) : bottom + 1, left : left + width]
+        times[candidate.reason] += 1
+        is_new = candidate.reason != NO_CODE and times[candidate.reason] <= _MAX_WRITTEN
+        if is_new and not is_written[box].any():
+            is_written[box] = True
+            _write_at(canvas, candidate.reason, (left, bottom), _REJECTED, size)
+
+
 def _draw_board(canvas: ImageArray, solution: Solution, board: Board, scale: float) -> None:
     width_m, height_m = board.sheet_size_m
     x, y = 0.5 * width_m, 0.5 * height_m
@@ -174,6 +225,27 @@ def _write(canvas: ImageArray, text: str, scale: float) -> None:
     """Write a line of text at the top left, on a dark bar."""
     height = round(30 * scale)
     canvas[:height] = canvas[:height] // 4
-    origin, thickness = (round(8 * scale), round(20 * scale)), max(1, round(scale))
-    font = cv2.FONT_HERSHEY_SIMPLEX
-    cv2.putText(canvas, text, origin, font, 0.5 * scale, _INK, thickness, cv2.LINE_AA)
+    _write_at(canvas, text, (8.0 * scale, 20.0 * scale), _INK, 0.5 * scale)
+
+
+def _write_at(
+    canvas: ImageArray,
+    text: str,
+    at: tuple[float, float],
+    colour: tuple[int, int, int],
+    size: float,
+) -> None:
+    """Write a line of text, whose baseline begins at ``at`` or where it ends within the image."""
+    left, bottom, _, _ = _text_box(canvas, text, at, size)
+    thickness = max(1, round(2.0 * size))
+    cv2.putText(canvas, text, (left, bottom), _FONT, size, colour, thickness, cv2.LINE_AA)
+
+
+def _text_box(
+    canvas: ImageArray, text: str, at: tuple[float, float], size: float
+) -> tuple[int, int, int, int]:
+    """Return left, bottom, width and height of a line of text that ``_write_at`` writes."""
+    (width, height), _ = cv2.getTextSize(text, _FONT, size, max(1, round(2.0 * size)))
+    left = max(0, min(round(at[0]), canvas.shape[1] - width))
+    bottom = min(max(round(at[1]), height), canvas.shape[0] - 1)
+    return left, bottom, width, height

@@ -5,7 +5,16 @@ import dataclasses
 
 from board_views import BOARDS
 import numpy as np
-from p4pfr_ros.boards import Bundle, Charuco, Chessboard, Marker, MarkerGrid, PlacedMarker
+from p4pfr_ros.boards import (
+    AprilGrid,
+    Bundle,
+    Charuco,
+    Chessboard,
+    CircleGrid,
+    Marker,
+    MarkerGrid,
+    PlacedMarker,
+)
 import pytest
 
 every_board = pytest.mark.parametrize('board', BOARDS.values(), ids=BOARDS)
@@ -14,8 +23,11 @@ every_board = pytest.mark.parametrize('board', BOARDS.values(), ids=BOARDS)
 @every_board
 def test_frame_is_in_the_middle_of_the_sheet(board):
     if not isinstance(board, Bundle):  # its marker positions define the origin
-        np.testing.assert_allclose(board.points.mean(axis=0), 0.0, atol=1e-15)
-    printed = np.concatenate([board.black_squares.reshape(-1, 2), *board.marker_corners])
+        middle = 0.5 * (board.points.min(axis=0) + board.points.max(axis=0))
+        np.testing.assert_allclose(middle, 0.0, atol=1e-15)
+    printed = np.concatenate(
+        [board.points, board.black_squares.reshape(-1, 2), *board.marker_corners]
+    )
     extent = np.abs(printed).max(axis=0)
     assert np.all(np.abs(board.points) <= extent + 1e-12)
     assert np.all(extent < 0.5 * np.array(board.sheet_size_m))
@@ -72,6 +84,38 @@ def test_marker_grid_ids_count_row_by_row_from_the_first():
     assert board.marker_ids == (7, 8, 9, 10, 11, 12)
     centres = board.marker_corners.mean(axis=1)
     np.testing.assert_allclose(centres[[0, 2, 3]], [[-1.5, 0.75], [1.5, 0.75], [-1.5, -0.75]])
+
+
+def test_aprilgrid_ids_count_from_the_bottom_left():
+    """Upright tags, as Kalibr prints them; its corner squares fill the gaps."""
+    board = AprilGrid(columns=3, rows=2, tag_m=1.0, spacing=0.5, first_id=7)
+    assert board.marker_ids == (7, 8, 9, 10, 11, 12)
+    centres = board.marker_corners.mean(axis=1)
+    np.testing.assert_allclose(centres[[0, 2, 3]], [[-1.5, -0.75], [1.5, -0.75], [-1.5, 0.75]])
+    np.testing.assert_allclose(board.marker_corners[0, 0], [-2.0, -0.25])
+    assert len(board.black_squares) == 12
+    corners = board.points[:, None]
+    low, high = board.black_squares[:, :2], board.black_squares[:, 2:]
+    touching = np.minimum(np.abs(corners - low), np.abs(corners - high)).max(axis=2)
+    np.testing.assert_allclose(touching.min(axis=1), 0.0, atol=1e-12)
+
+
+def test_charuco_ids_begin_with_the_first():
+    board = dataclasses.replace(BOARDS['charuco'], first_id=20)
+    assert board.marker_ids == tuple(range(20, 37))
+
+
+def test_circle_rows_are_spaced_as_opencv_spaces_them():
+    """Rows one spacing apart; in an asymmetric grid every second one is shifted by it."""
+    board = CircleGrid(columns=3, rows=4, spacing_m=1.0, diameter_m=0.5)
+    np.testing.assert_allclose(
+        board.points[:4] - board.points[0], [[0, 0], [1, 0], [2, 0], [0, -1]]
+    )
+    board = dataclasses.replace(board, asymmetric=True)
+    rows = board.points.reshape(4, 3, 2) - board.points[0]
+    np.testing.assert_allclose(rows[0], [[0, 0], [2, 0], [4, 0]])
+    np.testing.assert_allclose(rows[1], [[1, -1], [3, -1], [5, -1]])
+    np.testing.assert_allclose(rows[2, 0], [0, -2])
 
 
 PLACED = PlacedMarker(id=1, x_m=0.0, y_m=0.0, size_m=1.0)

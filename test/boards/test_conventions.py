@@ -46,7 +46,7 @@ def test_the_pose_of_a_package_follows_from_its_corners(convention):
 
 def test_opencv_gives_the_corners_in_aruco_order():
     image = render(MARKER, CAMERA, CAMERA_FROM_OURS, (640, 480), blur_sigma_px=0.5)
-    corners, _ = detect_markers(image, MARKER.dictionary)
+    corners, _, _ = detect_markers(image, MARKER.dictionary)
     ours = np.pad(np.array(CORNER_ORDERS['aruco_cw_from_top_left']), ((0, 0), (0, 1)))
     expected = CAMERA.project(CAMERA_FROM_OURS.transform(MARKER.size_m * ours))
     np.testing.assert_allclose(corners[0], expected, atol=1.5)

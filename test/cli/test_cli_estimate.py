@@ -201,9 +201,24 @@ def test_draw_writes_the_annotated_image(scenes, tmp_path):
     folder = tmp_path / 'new' / 'drawn'
     assert estimate(scenes / 'a.png', '--draw', folder) == 0
     drawn, original = read_image(folder / 'a_pose.png'), read_image(scenes / 'a.png')
-    assert drawn.shape == original.shape
+    assert drawn.shape == (*original.shape, 3)  # the original is grey
     coloured = np.ptp(drawn.astype(int), axis=2) > 60
     assert 0.005 < coloured.mean() < 0.3
+
+
+def test_draw_shows_why_there_is_no_estimate(tmp_path, capsys):
+    """The reason is written on the image, at the top."""
+    write_empty(tmp_path / 'empty.png')
+    assert estimate(tmp_path / 'empty.png', '--draw', tmp_path / 'drawn') == 1
+    drawn = read_image(tmp_path / 'drawn/empty_pose.png')
+    assert drawn[:30].max() > 200
+    assert 'no 9x6 chessboard found' in capsys.readouterr().err
+
+
+def test_large_images_are_rejected_by_their_size(scenes, capsys):
+    assert estimate(scenes / 'a.png', '--max-megapixels', '0.3') == 1
+    assert 'a.png: expected at most 0.3 megapixels' in capsys.readouterr().err
+    assert estimate(scenes / 'a.png', '--max-megapixels', '0.31') == 0
 
 
 def test_draw_does_not_write_two_images_to_one_file(scenes, tmp_path, capsys):

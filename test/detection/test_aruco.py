@@ -7,7 +7,7 @@ import numpy as np
 from p4pfr_ros.boards import Bundle, Charuco, Marker, MarkerGrid, PlacedMarker
 from p4pfr_ros.boards.parts import code_family
 from p4pfr_ros.detection.aruco import check_markers, detect_markers, dictionary_names, marker_cells
-from p4pfr_ros.rendering.pattern import black_quads
+from p4pfr_ros.rendering.pattern import black_shapes
 from p4pfr_ros.rendering.rasterizer import coverage
 import pytest
 
@@ -27,7 +27,7 @@ def enlarged(cells, px_per_cell, margin_px):
 
 @pytest.mark.parametrize('name', ['DICT_4X4_50', 'DICT_6X6_250', 'DICT_APRILTAG_36h11'])
 def test_an_image_of_a_markers_cells_is_detected(name):
-    corners, ids = detect_markers(enlarged(marker_cells(name, 17), 10, 40), name)
+    corners, ids, _ = detect_markers(enlarged(marker_cells(name, 17), 10, 40), name)
     side = 10 * len(marker_cells(name, 17))
     assert ids.tolist() == [17]
     expected = 39.5 + side * np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
@@ -55,7 +55,7 @@ def test_an_apriltag_is_upright():
 
 
 def test_an_image_without_markers_gives_empty_arrays():
-    corners, ids = detect_markers(np.full((100, 100), 90, np.uint8), DICTIONARY)
+    corners, ids, _ = detect_markers(np.full((100, 100), 90, np.uint8), DICTIONARY)
     assert corners.shape == (0, 4, 2)
     assert ids.shape == (0,)
 
@@ -110,7 +110,7 @@ def test_other_dictionaries_are_code_families_of_their_own():
 
 def test_pattern_of_a_marker_beyond_the_dictionary_is_rejected():
     with pytest.raises(ValueError, match='id: expected ids up to 49'):
-        black_quads(Marker(id=50, size_m=0.1, dictionary=DICTIONARY))
+        black_shapes(Marker(id=50, size_m=0.1, dictionary=DICTIONARY))
 
 
 def opencv_charuco(board, size_px):
@@ -145,7 +145,7 @@ def test_charuco_pattern_equals_that_of_opencv(columns, rows, legacy):
 
 def black_coverage(board, px_per_m, size_px):
     """Return the black coverage of each pixel in a head-on image of the pattern."""
-    corners = px_per_m * black_quads(board) * [1, -1] + 0.5 * np.array(size_px) - 0.5
+    corners = px_per_m * black_shapes(board) * [1, -1] + 0.5 * np.array(size_px) - 0.5
     sides = np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2)
     return coverage(sides.reshape(-1, 4), size_px)
 
@@ -155,8 +155,8 @@ def test_quads_are_clockwise_and_do_not_overlap(name):
     board = BOARDS[name]
     size_px = tuple(int(2000 * side) for side in board.sheet_size_m)
     black = black_coverage(board, 2000.0, size_px)
-    along, down = np.diff(black_quads(board)[:, :3], axis=1).transpose(1, 2, 0)
-    areas = along[1] * down[0] - along[0] * down[1]
+    x, y = np.moveaxis(black_shapes(board), -1, 0)
+    areas = -0.5 * (x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)
     assert (areas > 0.0).all()
     assert black.max() < 1.0 + 1e-9
     assert black.sum() == pytest.approx(2000.0**2 * areas.sum())

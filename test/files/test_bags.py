@@ -102,14 +102,14 @@ def test_a_bag_without_a_message_count_is_read_to_its_end(tmp_path):
 
 def test_an_unreadable_image_has_a_reason_and_does_not_affect_the_others(tmp_path):
     messages = topics()['/image']
-    messages[1] = replace(messages[1], encoding='32FC1')
+    messages[1] = replace(messages[1], encoding='64FC1')
     path = recorded.write_bag(tmp_path / 'bag', 'mcap', {'/image': messages})
     _, _, images = read(path)
     unreadable = [image for image in images if isinstance(image.image, Unreadable)]
     assert [image.stamp_ns for image in unreadable] == [
         recorded.FIRST_STAMP_S * 10**9 + 1_025_000_000
     ]
-    assert unreadable[0].image.reason.startswith("image: unknown encoding '32FC1'")
+    assert unreadable[0].image.reason.startswith("image: unknown encoding '64FC1'")
     assert len(images) == COUNT
 
 

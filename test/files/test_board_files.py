@@ -4,8 +4,9 @@
 """Board files: units, merge keys, and one-line errors that name the key."""
 
 from pathlib import Path
+from typing import get_args
 
-from p4pfr_ros.boards import Bundle, Charuco, Chessboard, Marker, MarkerGrid, PlacedMarker
+from p4pfr_ros.boards import AprilGrid, Board, Bundle, Chessboard, Marker, PlacedMarker
 from p4pfr_ros.files.boards import load_board, load_boards
 from p4pfr_ros.files.yaml_fields import ConfigError
 import pytest
@@ -118,9 +119,48 @@ def test_load_board_expects_one_board(write):
 
 def test_every_type_has_an_example_file():
     kinds = {type(load_board(path)) for path in SHIPPED.glob('*.yaml')}
-    assert kinds == {Chessboard, Charuco, Marker, MarkerGrid, Bundle}
+    assert kinds == set(get_args(Board))
     chessboard = load_board(SHIPPED / 'chessboard_9x6_25mm.yaml')
     assert chessboard == Chessboard(columns=9, rows=6, square_m=0.025)
+
+
+KALIBR = """
+target_type: 'aprilgrid' #gridtype
+tagCols: 6               #number of apriltags
+tagRows: 5
+tagSize: 0.088           #size of apriltag, edge to edge [m]
+tagSpacing: 0.3          #ratio of space between tags to tagSize
+codeOffset: 10
+"""
+APRILGRID = """
+boards:
+  wall: {type: aprilgrid, tagCols: 6, tagRows: 5, tagSize: 0.088, tagSpacing: 0.3}
+"""
+
+
+def test_kalibrs_target_file_is_a_board_file(write):
+    expected = AprilGrid(columns=6, rows=5, tag_m=0.088, spacing=0.3, first_id=10)
+    assert load_board(write(KALIBR)) == expected
+    assert expected.border_bits == 2  # as Kalibr prints
+
+
+def test_an_aprilgrid_has_kalibrs_keys_and_those_of_marker_boards(write):
+    board = load_board(write(APRILGRID.replace('}', ', border_bits: 1, first_id: 3}')))
+    assert board == AprilGrid(
+        columns=6, rows=5, tag_m=0.088, spacing=0.3, first_id=3, border_bits=1, name='wall'
+    )
+
+
+def test_border_and_colours_are_keys_of_boards_with_markers(write):
+    text = TAG.replace('}', ', border_bits: 2, inverted: any}')
+    assert load_board(write(text)) == Marker(
+        id=5,
+        size_m=0.15,
+        dictionary='DICT_APRILTAG_36h11',
+        border_bits=2,
+        inverted='any',
+        name='tag',
+    )
 
 
 WRONG = {
@@ -241,6 +281,27 @@ WRONG = {
     'overlap': (
         BUNDLE.replace('x_m: 0.1', 'x_m: -0.1'),
         'boards.dock.markers: expected white between any two, got 7 and 3',
+    ),
+    'no tagRows': (KALIBR.replace('tagRows', '#'), 'tagRows: expected a value, got none'),
+    'tagRows': (KALIBR.replace('5', '5.5'), 'tagRows: expected an integer of at least 1, got 5.5'),
+    'tagSize': (APRILGRID.replace('0.088', '-1'), 'boards.wall.tagSize: expected a length > 0'),
+    'tagSpacing': (KALIBR.replace('0.3', '30'), 'tagSpacing: expected a number above 0, up to 1'),
+    'two first ids': (KALIBR + 'first_id: 3', 'codeOffset: expected one of codeOffset and first'),
+    'other target': (
+        "{target_type: 'checkerboard', targetCols: 6}",
+        "target_type: expected 'aprilgrid', got 'checkerboard': describe other targets",
+    ),
+    'border': (TAG.replace('}', ', border_bits: 0}'), 'border_bits: expected an integer from 1'),
+    'inverted': (TAG.replace('}', ', inverted: both}'), 'inverted: expected true, false or any'),
+    'circles touch': (
+        'boards: {c: {type: circle_grid, columns: 4, rows: 5, spacing_mm: 20, diameter_mm: 20}}',
+        'boards.c.diameter_m: expected less than the distance of two circles',
+    ),
+    'same circles twice': (
+        """boards:
+  a: &a {type: circle_grid, columns: 4, rows: 5, spacing_mm: 20, diameter_mm: 10}
+  b: {<<: *a, spacing_mm: 30}""",
+        'boards.b: .*, got a symmetric grid of 4x5 circles, also in boards.a',
     ),
     'not yaml': ('boards: [', r'line \d: expected YAML'),
     'tab': ('boards:\n\twall: 1', 'line 2: expected YAML'),

@@ -8,7 +8,8 @@ import struct
 from board_views import BOARDS, CAMERAS, seen_from, SIZE
 import cv2
 import numpy as np
-from p4pfr_ros.files.images import read_image, write_image
+from p4pfr_ros.files.image_headers import size_of
+from p4pfr_ros.files.images import decode_image, read_image, write_image
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.rendering import render
 import pytest
@@ -22,8 +23,53 @@ def test_images_are_read_as_written(tmp_path):
     np.testing.assert_array_equal(read_image(tmp_path / 'a.png'), colour)
     write_image(tmp_path / 'b.jpg', IMAGE)
     back = read_image(tmp_path / 'b.jpg')
-    assert back.shape == (480, 640, 3)
-    assert np.abs(back[..., 0].astype(int) - IMAGE).mean() < 2.0
+    assert back.shape == (480, 640)  # grey stays grey
+    assert np.abs(back.astype(int) - IMAGE).mean() < 2.0
+
+
+@pytest.mark.parametrize('ending', ['png', 'jpg', 'bmp', 'webp', 'tiff', 'pgm', 'ppm'])
+@pytest.mark.parametrize('size', [(640, 480), (37, 1), (300, 257)])
+def test_sizes_are_read_from_the_header(ending, size):
+    """The first 200 bytes are enough; no format is decoded to know its size."""
+    width, height = size
+    image = np.zeros((height, width, 3), np.uint8)
+    data = cv2.imencode(f'.{ending}', image[..., 0] if ending == 'pgm' else image)[1].tobytes()
+    assert size_of(data) == size
+    for cut in (0, 3, 10, 20):
+        assert size_of(data[:cut]) in (None, size)
+    if ending != 'tiff':  # its header may stand at the end
+        assert size_of(data[:1000]) == size
+
+
+def test_bytes_between_the_segments_of_a_jpeg_are_skipped():
+    """As decoders do."""
+    data = cv2.imencode('.jpg', IMAGE)[1].tobytes()
+    assert size_of(data[:2] + b'\0\0\xff' + data[2:]) == SIZE
+
+
+def test_large_images_are_rejected_before_they_are_decoded(tmp_path, monkeypatch):
+    """A small file with 100 megapixels."""
+    path = tmp_path / 'bomb.png'
+    path.write_bytes(cv2.imencode('.png', np.zeros((10000, 10000), np.uint8))[1].tobytes())
+    assert path.stat().st_size < 200_000
+    monkeypatch.delattr(cv2, 'imdecode')
+    with pytest.raises(ConfigError, match=r'at most 64 megapixels .*got 100.0 \(10000x10000\)'):
+        read_image(path)
+
+
+def test_a_chunk_of_a_png_is_within_the_file():
+    """A damaged length is not allocated: it states three gigabytes."""
+    data = bytearray(cv2.imencode('.png', IMAGE)[1].tobytes())
+    data[data.index(b'IDAT') - 4] = 0xB9
+    assert decode_image(bytes(data)).cause == 'truncated'
+
+
+def test_deep_image_files_are_scaled_by_their_content(tmp_path):
+    """Twelve bits in sixteen."""
+    write_image(tmp_path / 'deep.png', (16 * IMAGE.astype(np.uint16)).astype(np.uint16))
+    low, high = IMAGE.min(), IMAGE.max()
+    expected = (IMAGE.astype(float) - low) * 255.0 / (int(high) - int(low))
+    np.testing.assert_allclose(read_image(tmp_path / 'deep.png'), expected, atol=2.0)
 
 
 @pytest.mark.parametrize('ending', ['png', 'jpg'])

@@ -13,7 +13,7 @@ from p4pfr_ros.boards import Marker
 from p4pfr_ros.detection import detect
 from p4pfr_ros.files.images import read_image
 from p4pfr_ros.files.yaml_fields import ConfigError
-from p4pfr_ros.rendering.pattern import black_quads
+from p4pfr_ros.rendering.pattern import black_shapes
 from p4pfr_ros.rendering.printing import describe, print_board
 import pytest
 
@@ -56,7 +56,7 @@ def test_a_printed_pdf_is_to_scale(tmp_path, name):
         for content in streams(data)
         for corner in re.findall(rb'([\d.-]+) ([\d.-]+) m\n', content)
     ]
-    expected = 0.5 * page + points_per_m * black_quads(board)[:, 0]
+    expected = 0.5 * page + points_per_m * black_shapes(board)[:, 0]
     for corner in expected:
         assert np.abs(np.array(starts) - corner).max(axis=1).min() < 1e-3
     print_board(board, tmp_path / 'again.pdf')

@@ -9,7 +9,7 @@ from p4pfr_ros.boards import Marker
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Pose
 from p4pfr_ros.rendering import render, Renderer
-from p4pfr_ros.rendering.pattern import black_quads
+from p4pfr_ros.rendering.pattern import black_shapes
 from p4pfr_ros.rendering.rasterizer import coverage
 import pytest
 
@@ -71,7 +71,7 @@ def grey_levels(board, camera, pose, pixels):
     eye = pose.inverse().translation
     points = (eye - rays * (eye[2] / rays[..., 2:]))[..., :2]
     levels = np.where((2 * np.abs(points) < board.sheet_size_m).all(axis=-1), 220.0, 110.0)
-    for corners in black_quads(board):
+    for corners in black_shapes(board):
         along, down = corners[1] - corners[0], corners[3] - corners[0]
         u, v = (
             np.sum((points - corners[0]) * side, axis=-1) / (side @ side) for side in (along, down)

@@ -3,9 +3,12 @@
 
 """Annotated and undistorted images."""
 
+import dataclasses
+
 from board_views import BOARDS, CAMERAS, CENTER, distance_m, project, seen_from, SIZE
 import cv2
 import numpy as np
+from p4pfr_ros.boards import Marker
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.minimal.solution import Solution
 from p4pfr_ros.detection import detect
@@ -61,6 +64,19 @@ def test_a_reason_is_written_and_the_input_is_unchanged():
     assert drawn[:30].max() > 200  # letters, on a bar that is darker than the image
     assert drawn[:30].min() < 30
     assert (drawn[40:] == 90).all()
+
+
+def test_rejected_candidates_are_outlined_with_their_reason():
+    """A marker that is not on the board."""
+    other = Marker(id=40, size_m=0.05, dictionary=BOARD.dictionary)
+    pose = seen_from(0.4, (0.3, 0.2), 0.2, (-0.4, -0.25))
+    alone = render(other, CAMERA, pose, SIZE)
+    outline = project(CAMERA, pose, other.points)
+    detection = detect(alone, BOARD)
+    drawn = annotate(alone, detection)
+    plain = annotate(alone, dataclasses.replace(detection, rejected=()))
+    assert near(drawn, alone, outline, 4).all()
+    assert (drawn != plain).any(axis=2).sum() > 150  # the outline and the text above it
 
 
 def test_a_board_partly_behind_the_camera_is_drawn():

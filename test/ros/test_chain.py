@@ -18,6 +18,8 @@ VIEWS = 60
 # Position (share of the distance), rotation (degrees), focal length (share of it), k: ten times
 # the measured median of 70 views. A marker's four points have less information than a board.
 LIMITS = {
+    'aprilgrid_6x6_88mm': (0.013, 0.27, 0.014, 0.037),
+    'circle_grid_4x11_20mm': (0.005, 0.15, 0.006, 0.014),
     'bundle_36h11': (0.009, 0.2, 0.008, 0.018),
     'charuco_7x5_35mm': (0.004, 0.05, 0.004, 0.007),
     'chessboard_9x6_25mm': (0.002, 0.03, 0.002, 0.003),

@@ -4,8 +4,10 @@
 """detector_node over DDS: images in, points of boards out."""
 
 from array import array
+import itertools
 
 import cv2
+from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from p4pfr_ros import Pose
 from p4pfr_ros.boards import Bundle, Chessboard, PlacedMarker
@@ -121,6 +123,17 @@ def test_each_board_of_an_image_is_a_message_with_its_index(client):
     np.testing.assert_allclose(points[1].image_points, truth, atol=0.3)
 
 
+def test_a_board_that_jumps_is_found_in_the_next_image(client):
+    """It is searched near its last place first."""
+    for second, x in ((25, -0.25), (26, 0.25)):
+        pose = Pose(scenes.CAMERA_FROM_BOARD.rotation, np.array([x, 0.1 * np.sign(x), 1.0]))
+        image = render(BOARD, scenes.CAMERA, pose, scenes.SIZE, noise_sigma=1.0)
+        points = correspondences_from_cloud(client.detect(_raw(image), second))
+        assert len(points.ids) == len(BOARD.points)
+        truth = scenes.project(points.board_points, pose)
+        np.testing.assert_allclose(points.image_points, truth, atol=0.3)
+
+
 def test_colour_images_are_detected_as_well(client):
     """The conversion itself has its own tests."""
     colour = cv2.cvtColor(IMAGE, cv2.COLOR_GRAY2BGR)
@@ -171,6 +184,30 @@ def test_the_annotated_image_is_published_to_subscribers(client):
     changed = (drawn != IMAGE[..., None]).any(axis=-1)
     column, row = np.rint(scenes.project(BOARD.points[:1])[0]).astype(int)
     assert changed[row - 6 : row + 7, column - 6 : column + 7].any()
+
+
+def test_missing_images_are_reported_on_diagnostics(client):
+    """Every fourth image of a stream at 20 per second is missing."""
+    statuses = client.peer.subscribe(DiagnosticArray, '/diagnostics')
+    numbers = itertools.count()
+
+    def publish():
+        number = next(numbers)
+        if number < 12 or number % 4:
+            header = scenes.header(100)
+            header.stamp.sec += number // 20
+            header.stamp.nanosec = number % 20 * 50_000_000
+            client.image.publish(image_msg(header, EMPTY))
+
+    def messages():
+        ours = f'{client.peer.namespace[1:]}/detector_node: images'
+        return [s.message for msg in statuses for s in msg.status if s.name == ours]
+
+    client.peer.until(
+        lambda: any('images are missing in the last 10 s' in text for text in messages()),
+        meanwhile=publish,
+        every_s=0.05,
+    )
 
 
 def test_without_a_subscriber_no_image_is_annotated(peer, tmp_path, monkeypatch):

@@ -11,26 +11,24 @@ from __future__ import annotations
 
 from array import array
 
-from p4pfr_ros.files.images import ImageArray
-from p4pfr_ros.files.pixel_formats import (
-    image_from_compressed_fields,
-    image_from_fields,
-    Unreadable,
-)
+from p4pfr_ros.files.images import Decoding, DEFAULT_DECODING, ImageArray, Unreadable
+from p4pfr_ros.files.pixel_formats import image_from_compressed_fields, image_from_fields
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import Header
 
 from ..runtime.rejections import Rejected
 
 
-def image_from_msg(msg: Image) -> ImageArray | Rejected:
+def image_from_msg(msg: Image, how: Decoding = DEFAULT_DECODING) -> ImageArray | Rejected:
     """Decode an Image with any encoding of ``pixel_formats``."""
-    return _or_rejected(image_from_fields(msg))
+    return _or_rejected(image_from_fields(msg, how))
 
 
-def image_from_compressed(msg: CompressedImage) -> ImageArray | Rejected:
-    """Decode a CompressedImage: JPEG, PNG or another format of OpenCV."""
-    return _or_rejected(image_from_compressed_fields(msg))
+def image_from_compressed(
+    msg: CompressedImage, how: Decoding = DEFAULT_DECODING
+) -> ImageArray | Rejected:
+    """Decode a CompressedImage: JPEG, PNG or another format of ``files.images``."""
+    return _or_rejected(image_from_compressed_fields(msg, how))
 
 
 def image_msg(header: Header, image: ImageArray) -> Image:

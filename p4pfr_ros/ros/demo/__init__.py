@@ -37,7 +37,7 @@ from .children import Children
 from .monitor import Monitor
 from .table import Screen
 from .views import DemoView, Errors, median_errors, Record
-from ..runtime.warm_up import warm_up
+from ..runtime.warm_up import warm_up, warm_up_detection
 
 IMAGE_SIZE = (640, 480)
 # About 110 degrees along the diagonal, so that the distortion is clearly visible.
@@ -109,6 +109,7 @@ def _compile(console: Console, board: Board) -> None:
     """Compile all kernels once; otherwise each of the three processes would compile them."""
     console.print('preparing; the first run compiles for some tens of seconds')
     warm_up()
+    warm_up_detection()
     render(board, CAMERA, SimulatedPath(board, IMAGE_SIZE, 0).at(0.0, CAMERA), IMAGE_SIZE)
 
 

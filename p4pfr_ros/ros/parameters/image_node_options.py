@@ -7,13 +7,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from p4pfr_ros.files.images import DEFAULT_DECODING
+
 from .declare import parameter
 from ..conversions import LARGEST_IMAGE_PX
+from ..runtime.following import RELIABILITIES
 
 
 @dataclass(frozen=True, slots=True)
-class TransportOptions:
-    """The topic of the images."""
+class ImageTopicOptions:
+    """The topic of the images, and how they are decoded."""
 
     transport: str = parameter(
         'raw',
@@ -21,6 +24,25 @@ class TransportOptions:
         'on the topic image/compressed.',
         choices=('raw', 'compressed'),
         read_only=True,
+    )
+    reliability: str = parameter(
+        'auto',
+        'QoS of the subscription: auto: as its publishers offer, reliable if all of them are; '
+        'reliable or best_effort: always. A QoS override takes precedence.',
+        choices=RELIABILITIES,
+        read_only=True,
+    )
+    max_megapixels: float = parameter(
+        DEFAULT_DECODING.max_megapixels,
+        'Larger images are rejected before they are decoded, millions of pixels.',
+        low=0.01,
+        high=10_000.0,
+    )
+    deep_levels: str = parameter(
+        'content',
+        'Levels of 16-bit images: content: those that the image uses become 0 to 255, if they are '
+        'less than half of the range; range: the whole range does.',
+        choices=('content', 'range'),
     )
 
 
@@ -33,7 +55,22 @@ class DetectorNodeOptions:
         'Path of the YAML file that describes the board or boards. Required.',
         read_only=True,
     )
-    image: TransportOptions = field(default_factory=TransportOptions)
+    opencv_threads: int = parameter(
+        1,
+        'Threads of OpenCV in this process. More than one takes more CPU time for each image, and '
+        'gains little below 2 megapixels.',
+        low=1,
+        high=64,
+        read_only=True,
+    )
+    min_marker_px: float = parameter(
+        14.0,
+        'Side of the smallest markers that are searched, pixels. Larger values save time; below '
+        '12 px, the search takes four times as long.',
+        low=4.0,
+        high=10_000.0,
+    )
+    image: ImageTopicOptions = field(default_factory=ImageTopicOptions)
 
 
 @dataclass(frozen=True, slots=True)

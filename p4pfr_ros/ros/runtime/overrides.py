@@ -86,6 +86,12 @@ def overridable(node: Node, topic: str, kind: str) -> QoSOverridingOptions:
     return QoSOverridingOptions((QoSPolicyKind.DEPTH, *_CHOICES))
 
 
+def is_overridden(node: Node, topic: str, kind: str, policy: str) -> bool:
+    """Return whether the user overrides a policy of an endpoint."""
+    name = f'{_PREFIX}.{node.resolve_topic_name(topic)}.{kind}.{policy}'
+    return name in given_parameters(node)
+
+
 def _expected(policy: QoSPolicyKind, value: Any) -> str:
     """Return the valid values of a policy as text; an empty text if the value is valid."""
     if policy is QoSPolicyKind.DEPTH:

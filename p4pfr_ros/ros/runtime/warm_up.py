@@ -9,7 +9,10 @@ import gc
 
 import numpy as np
 from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose, SelfCalibration
+from p4pfr_ros.boards import Chessboard, Marker
 from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.detection import detect
+from p4pfr_ros.detection.aruco import marker_cells
 
 _CAMERA = DivisionCamera(520.0, (319.5, 239.5), -0.2)
 _SIZE = (640, 480)
@@ -44,6 +47,18 @@ def warm_up() -> None:
     # collection would visit them, which takes 0.1 s: up to a hundred messages.
     gc.collect()
     gc.freeze()
+
+
+def warm_up_detection() -> None:
+    """Detect a small chessboard and a marker, drawn pixel by pixel."""
+    squares = np.indices((7, 6)).sum(axis=0) % 2 == 0
+    marker = Marker(id=0, size_m=0.1, dictionary='DICT_4X4_50')
+    for black, board in (
+        (squares, Chessboard(columns=5, rows=6, square_m=0.02)),
+        (marker_cells(marker.dictionary, marker.id), marker),
+    ):
+        image = np.where(np.kron(black, np.ones((12, 12), dtype=bool)), 30, 220).astype(np.uint8)
+        detect(np.pad(image, 24, constant_values=220), board)
 
 
 def _rotated(rotation_rad: tuple[float, float, float]) -> Pose:

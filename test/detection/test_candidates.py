@@ -1,0 +1,139 @@
+# Copyright 2026 p4pfr_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Marker candidates that are not the board's: wrong border, wrong colours, two boards."""
+
+import dataclasses
+import re
+
+from board_views import BOARDS, CAMERAS, project, seen_from, SIZE
+import numpy as np
+from p4pfr_ros.boards import AprilGrid, Charuco, Marker, MarkerGrid
+from p4pfr_ros.detection import detect
+from p4pfr_ros.rendering import render
+import pytest
+
+REAL_LENS = {'noise_sigma': 2.0, 'blur_sigma_px': 0.7}
+CAMERA = CAMERAS['strong']
+POSE = seen_from(0.42, (0.4, -0.3), 0.3)
+GRID = MarkerGrid(
+    columns=4, rows=3, marker_m=0.05, separation_m=0.02, dictionary='DICT_APRILTAG_36h11'
+)
+KALIBR = AprilGrid(columns=4, rows=3, tag_m=0.05, spacing=0.3)
+MARKER = Marker(id=7, size_m=0.12, dictionary='DICT_5X5_100')
+CHARUCO = dataclasses.replace(BOARDS['charuco'], dictionary='DICT_4X4_100')
+
+
+def with_border(board, bits):
+    """Return the board with another width of the black border."""
+    return dataclasses.replace(board, border_bits=bits)
+
+
+def assert_on_their_projections(detection, board, pose=POSE):
+    truth = project(CAMERA, pose, board.points[detection.ids])
+    assert detection.reason == ''
+    assert np.linalg.norm(detection.image_points - truth, axis=1).max() < 0.3
+
+
+@pytest.mark.parametrize(
+    ('board', 'printed'),
+    [(GRID, 1), (GRID, 2), (GRID, 3), (KALIBR, 1), (KALIBR, 2)],
+    ids=['marker_grid_1', 'marker_grid_2', 'marker_grid_3', 'aprilgrid_1', 'aprilgrid_2'],
+)
+def test_only_the_right_border_gives_corners(board, printed):
+    """With another one the reason names both."""
+    image = render(with_border(board, printed), CAMERA, POSE, SIZE, **REAL_LENS)
+    detection = detect(image, with_border(board, printed))
+    assert len(detection.ids) == len(board.points)
+    assert_on_their_projections(detection, board)
+    for expected in {1, 2, 3} - {printed}:
+        detection = detect(image, with_border(board, expected))
+        assert len(detection.ids) == 0
+        # Corner squares distort the outlines that the widths are read in.
+        cells = rf'{printed} cells?|more than {expected} cells?' if board is GRID else '.* cells?'
+        assert re.search(
+            f'a black border of ({cells}), but border_bits is {expected}', detection.reason
+        )
+
+
+def test_a_charuco_board_may_have_wide_borders():
+    board = dataclasses.replace(CHARUCO, border_bits=2, marker_m=0.03)
+    image = render(board, CAMERA, POSE, SIZE, **REAL_LENS)
+    detection = detect(image, board)
+    assert len(detection.ids) == len(board.points)
+    assert_on_their_projections(detection, board)
+    assert 'border_bits is 1' in detect(image, with_border(board, 1)).reason
+
+
+@pytest.mark.parametrize('printed', [False, True])
+@pytest.mark.parametrize('board', [MARKER, GRID, CHARUCO], ids=['marker', 'grid', 'charuco'])
+def test_inverted_decides_which_colours_are_accepted(board, printed):
+    """'any' accepts both, as accurately."""
+    image = render(dataclasses.replace(board, inverted=printed), CAMERA, POSE, SIZE, **REAL_LENS)
+    for inverted in (False, True, 'any'):
+        detection = detect(image, dataclasses.replace(board, inverted=inverted))
+        if inverted in (printed, 'any'):
+            assert len(detection.ids) == len(board.points)
+            assert_on_their_projections(detection, board)
+        else:
+            assert len(detection.ids) == 0
+            colours = 'white on black' if printed else 'black on white'
+            reason = f'{colours}, but inverted is {str(inverted).lower()}'
+            # OpenCV does not report a single marker within the outline of a dark sheet.
+            assert reason in detection.reason or (board is MARKER and printed)
+
+
+@pytest.mark.parametrize(
+    'board',
+    [
+        dataclasses.replace(GRID, columns=2, rows=2),
+        Charuco(columns=4, rows=3, square_m=0.03, marker_m=0.022, dictionary='DICT_4X4_50'),
+    ],
+    ids=['marker_grid', 'charuco'],
+)
+def test_two_equal_boards_are_refused_with_the_reason(board):
+    """Also where one of them is cut off, so that some markers are seen once."""
+    poses = [seen_from(0.5, (0.3, 0.2), 0.1, (x, 0.0)) for x in (-0.33, 0.3)]
+    image = np.full(SIZE[::-1], 110.0)
+    for pose in poses:
+        image = render(board, CAMERA, pose, SIZE, background=image.astype(float), **REAL_LENS)
+    whole = detect(image, board)
+    assert len(whole.ids) == 0
+    assert whole.reason.startswith('two equal boards in the image: ')
+    (right, bottom) = project(CAMERA, poses[1], board.marker_corners[1]).max(axis=0).astype(int)
+    image[bottom + 4 :, right - 40 :] = 110
+    assert detect(image, board).reason.startswith('two equal boards in the image: ')
+
+
+def test_ids_begin_with_the_first():
+    """A board with other ids is another board."""
+    board = dataclasses.replace(CHARUCO, first_id=40)
+    image = render(board, CAMERA, POSE, SIZE, **REAL_LENS)
+    detection = detect(image, board)
+    assert len(detection.ids) == len(board.points)
+    assert_on_their_projections(detection, board)
+    other = detect(image, CHARUCO)
+    assert len(other.ids) == 0
+    assert {each.reason for each in other.rejected} >= {'marker 40: not on the board'}
+
+
+def test_rejected_candidates_are_where_they_were_seen():
+    """Their outlines surround the marker."""
+    image = render(dataclasses.replace(MARKER, id=9), CAMERA, POSE, SIZE, **REAL_LENS)
+    rejected = {each.reason: each.outline for each in detect(image, MARKER).rejected}
+    truth = project(CAMERA, POSE, MARKER.points)
+    outline = rejected['marker 9: not on the board']
+    assert np.linalg.norm(outline - truth, axis=1).max() < 3.0
+
+
+def test_markers_whose_outline_is_not_closed_are_found_from_their_neighbours():
+    """Paint a bridge from one marker to the next, as glare or a pen would."""
+    image = render(GRID, CAMERA, POSE, SIZE, **REAL_LENS)
+    left, right = GRID.marker_corners[5:7].mean(axis=1)
+    bridge = np.linspace(left, right, 400)
+    for x, y in np.rint(project(CAMERA, POSE, bridge)).astype(int):
+        if image[y - 1 : y + 2, x - 1 : x + 2].min() > 120:
+            image[y - 1 : y + 2, x - 1 : x + 2] = 25
+    detection = detect(image, GRID)
+    assert set(detection.ids // 4) >= {5, 6}
+    assert_on_their_projections(detection, GRID)
