@@ -26,6 +26,9 @@ MAX_BOARDS = 8
 # A shape is a polynomial: beyond its frame by this share it is not extrapolated.
 _BEYOND_FRAME = 0.1
 
+# A frame grows at most to this multiple at once: points farther away are none of the board.
+_LARGEST_GROWTH = 5.0
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardFrame:
@@ -45,6 +48,11 @@ class BoardFrame:
         """Return whether points are within the frame, or hardly outside."""
         beyond = np.abs(points - self.center) - self.half_extent
         return bool(beyond.max() <= _BEYOND_FRAME * self.half_extent.max())
+
+    def may_reach(self, points: Array) -> bool:
+        """Return whether points may be of this board, not of a much larger one."""
+        reach = np.abs(points - self.center).max()
+        return bool(reach <= _LARGEST_GROWTH * self.half_extent.max())
 
     def with_points(self, points: Array) -> BoardFrame:
         """Return the smallest frame that holds this one and points."""

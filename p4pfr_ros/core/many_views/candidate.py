@@ -75,7 +75,7 @@ _FAR, _FAR_SIGMAS = 0.15, 4.0
 
 def disagrees(excess: float, points: int, fit: JointFit) -> bool:
     """Return whether the excess cost, px², of a view with the fit's camera is significant."""
-    return excess > (_LARGEST_CHI2 * fit.scatter + _MODEL_SHARE * points) * fit.variance
+    return excess > (_LARGEST_CHI2 * fit.measured_scatter + _MODEL_SHARE * points) * fit.variance
 
 
 class LensContrast(NamedTuple):

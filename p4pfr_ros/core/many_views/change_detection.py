@@ -26,7 +26,7 @@ from ..model.prior import TypicalCamera
 _MEMORY = 10
 
 # Views that agree individually may deviate together, after a turn of the focus ring: a χ² of the
-# lens's four to six parameters beyond this is a change. Tested with at least this many views.
+# lens's free parameters beyond this is a change. Tested with at least this many views.
 _LARGEST_CHI2 = 40.0
 _ENOUGH_VIEWS = 3
 
@@ -89,12 +89,14 @@ def _common_deviation(
     shift = np.linalg.solve(total, gradients.sum(axis=0))
     inverse = fit.variance * inverse_of_information(total)
     of_fit = fit.covariance[np.ix_(free, free)]
-    upper_bound = _chi2(shift, fit.scatter * inverse + of_fit)
+    upper_bound = _chi2(shift, fit.measured_scatter * inverse + of_fit)
     if upper_bound < enough:
         return upper_bound
     # The scatter of these views, from the gradients that remain after the shift, may be larger.
     remaining = gradients - information @ shift
-    scatter = max(fit.scatter, scatter_of(information, remaining, prior, total, fit.variance))
+    scatter = max(
+        fit.measured_scatter, scatter_of(information, remaining, prior, total, fit.variance)
+    )
     return _chi2(shift, scatter * inverse + of_fit)
 
 

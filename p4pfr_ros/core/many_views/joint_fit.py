@@ -68,9 +68,11 @@ class JointFit:
     poses (V, 12) of the scaled boards
     squares (M,): squared errors of all points, px²; limit: points beyond it are outliers, px²
     variance of a coordinate, px²; dof: degrees of freedom; measured: whether from the residuals
-    scatter: chi-square per degree of freedom of the views' lenses, at least 1
+    scatter: chi-square per degree of freedom of the views' lenses, at least 1, and not small where
+    views are too few to tell; measured_scatter: what they tell
     equations (C, C + 1): of the common parameters: views, prior and marginalised views, px²
     prior (C, C): information in them that is from the prior, not from marginalised views, px²
+    typical (C,): of that, the information from a typical camera and board, px²
     information (V, 18, 18), gradients (V, 18): information and negative gradient of each view, px²
     """
 
@@ -85,8 +87,10 @@ class JointFit:
     dof: int
     measured: bool
     scatter: float
+    measured_scatter: float
     equations: Array
     prior: Array
+    typical: Array
     information: Array
     gradients: Array
 
@@ -233,8 +237,10 @@ def fit_of_prior(prior: CommonPrior, terms: FreeTerms, boards: tuple[BoardFrame,
         dof=0,
         measured=False,
         scatter=1.0,
+        measured_scatter=1.0,
         equations=np.column_stack([weighted.information, np.zeros(len(common))]),
         prior=weighted.information,
+        typical=variance * prior.typical.information(focal_px, terms, count),
         information=np.empty((0, VIEW_COMMON, VIEW_COMMON)),
         gradients=np.empty((0, VIEW_COMMON)),
     )
@@ -337,15 +343,20 @@ def _result_of(
         dof=dof,
         measured=measured,
         scatter=1.0,
+        measured_scatter=1.0,
         equations=equations,
         prior=of_prior,
+        typical=variance * prior.typical.information(focal_px, terms, count),
         information=of_view[:, :, :VIEW_COMMON],
         gradients=of_view[:, :, VIEW_COMMON],
     )
-    return replace(fit, scatter=_scatter(fit)) if measured else fit
+    if not measured:
+        return fit
+    scatter, measured_scatter = _scatter(fit, _USUAL_SCATTER), _scatter(fit, _NO_SCATTER)
+    return replace(fit, scatter=scatter, measured_scatter=measured_scatter)
 
 
-def _scatter(fit: JointFit) -> float:
+def _scatter(fit: JointFit, usual: tuple[float, float]) -> float:
     """Return the scatter of the views about the lens, board shapes held."""
     columns = fit.terms.columns
     at = np.ix_(columns, columns)
@@ -356,7 +367,7 @@ def _scatter(fit: JointFit) -> float:
         fit.prior[at],
         total,
         fit.variance,
-        _USUAL_SCATTER,
+        usual,
     )
 
 

@@ -25,7 +25,7 @@ from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION
 from ..jit import jit, kernel
 from ..linalg import inverse_of_information
 from ..model.board_shape import SHAPE_SIZE
-from ..model.lens import closed_form, FOCAL, lens_from_camera, LENS_SIZE
+from ..model.lens import one_term_scale, FOCAL, lens_from_camera, LENS_SIZE
 from ..model.observation import Observation
 from ..model.prior import (
     common_places,
@@ -120,7 +120,7 @@ def _with_board(
     if place is None:
         if len(boards) < MAX_BOARDS:
             boards = (*boards, BoardFrame.of(candidate.board, points))
-    elif not boards[place].covers(points):
+    elif not boards[place].covers(points) and boards[place].may_reach(points):
         wider = boards[place].with_points(points)
         boards = (*boards[:place], wider, *boards[place + 1 :])
         prior = prior.without_board(place)
@@ -286,7 +286,7 @@ def _project(pose: Array, bx: float, by: float, k: float) -> tuple[float, float]
     x = pose[0] * bx + pose[1] * by + pose[TRANSLATION]
     y = pose[3] * bx + pose[4] * by + pose[TRANSLATION + 1]
     z = pose[6] * bx + pose[7] * by + pose[TRANSLATION + 2]
-    s = closed_form(z, k, x * x + y * y)
+    s = one_term_scale(z, k, x * x + y * y)
     return s * x, s * y
 
 
@@ -294,7 +294,7 @@ def least_informative(fit: JointFit, new: Array) -> int | None:
     """
     Return the index of the view to drop for a new one; None if the new one adds too little.
 
-    new (18, 18), px²: the new view's information about the lens. The remaining views have the
+    new (18, 18), px²: the new view's information about lens and board. The remaining views have the
     largest determinant of the information, that is, the smallest volume of uncertainty, for given
     shapes of the boards.
     """

@@ -6,8 +6,8 @@ Which terms a lens needs: they are freed when the data ask, and given up by the 
 
 The candidates are the next term of the polynomial, and what an ideal camera does not have: aspect
 ratio fy / fx and decentring, together. A test of the present fit, without another one, says
-whether the data ask for one. Once a camera is not ideal, the next term of the polynomial needs
-less evidence: no real lens has exactly so many.
+whether the data ask for one. Once a camera is not ideal, all terms of the polynomial are
+estimated: no real lens has exactly so many, and the priors hold those that the data do not tell.
 
 This module stands alone because it is one statistical decision; the fits are ``joint_fit``'s.
 """
@@ -25,11 +25,10 @@ from ..model.lens import K
 from ..model.prior import CommonPrior, FreeTerms, IMPERFECTIONS, MAX_ORDER
 
 # χ² above which terms are freed, and below which they are fixed again, by the number of their
-# parameters: four and two and a half standard deviations, since the test is repeated at each view.
+# parameters: as rare as four and two and a half standard deviations, since the test is repeated at
+# each view.
 _FREED = {1: 16.0, 3: 22.1}
 _FIXED = {1: 6.25, 3: 11.1}
-# The same for the polynomial of a camera that is not ideal.
-_FREED_NEXT, _FIXED_NEXT = 6.25, 2.5
 
 # With fewer degrees of freedom, another term would explain any disagreement.
 ENOUGH_FOR_A_TERM = 60
@@ -44,6 +43,8 @@ _RIM_CHI2 = 100.0
 def with_lens_terms(fit: JointFit, prior: CommonPrior, sigma_px: float | None) -> JointFit:
     """Fit again with the terms that the data ask for, as long as they ask for others."""
     tried = {fit.terms}
+    if fit.terms.imperfect and fit.terms.order < MAX_ORDER and fit.dof >= ENOUGH_FOR_A_TERM:
+        fit = _refitted(fit, FreeTerms(MAX_ORDER, imperfect=True), prior, sigma_px)
     fewer = _without_needless(fit)
     if fewer != fit.terms:
         fit = _refitted(fit, fewer, prior, sigma_px)
@@ -79,20 +80,15 @@ def _asked_for(fit: JointFit) -> FreeTerms | None:
     """
     best, most = None, 1.0
     for terms, columns in _one_more(fit.terms):
-        asked = _score(fit, columns) / _bar(fit.terms, columns, _FREED, _FREED_NEXT)
+        asked = _score(fit, columns) / _FREED[len(columns)]
         if asked > most:
             best, most = terms, asked
     return best
 
 
-def _bar(terms: FreeTerms, columns: Ints, bars: dict[int, float], of_next: float) -> float:
-    """Return the χ² that decides on columns."""
-    return of_next if terms.imperfect and len(columns) == 1 else bars[len(columns)]
-
-
 def _one_more(terms: FreeTerms) -> Iterator[tuple[FreeTerms, Ints]]:
     """Yield the terms with one more kind of them, and the columns that these add."""
-    if terms.order < MAX_ORDER:
+    if terms.order < MAX_ORDER and not terms.imperfect:
         yield terms._replace(order=terms.order + 1), np.array([K + terms.order])
     if not terms.imperfect:
         yield FreeTerms(MAX_ORDER, imperfect=True), np.array(IMPERFECTIONS)
@@ -113,7 +109,7 @@ def _score(fit: JointFit, columns: Ints) -> float:
 
 def _prior_of_fixed(fit: JointFit, columns: Ints) -> Array:
     diagonal = np.zeros(len(fit.common))
-    diagonal[columns] = np.diag(fit.prior)[columns]
+    diagonal[columns] = fit.typical[columns]
     return diagonal
 
 

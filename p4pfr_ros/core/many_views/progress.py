@@ -23,7 +23,16 @@ from .results import CalibrationOptions, CalibrationState, COVERAGE_SHAPE
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, Mask, POSE_SIZE
 from ..jit import jit
-from ..model.lens import camera_from_lens, CX, CY, FOCAL, LENS_END, LENS_SIZE, linearise_rotated
+from ..model.lens import (
+    camera_from_lens,
+    CX,
+    CY,
+    FOCAL,
+    LENS_END,
+    lens_from_camera,
+    LENS_SIZE,
+    linearise_rotated,
+)
 
 # With a larger standard deviation of the focal length (relative), or of a projection, as a share
 # of the focal length, the camera is UNCALIBRATED.
@@ -130,7 +139,7 @@ def projection_sigmas_px(camera: DivisionCamera, covariance: Array, pixels: Arra
     n = len(pixels)
     rays = camera.unproject(pixels)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    lens = _lens_about_center(camera)
+    lens = lens_from_camera(camera, camera.center_px)
     rows = np.empty((n, 2, LENS_END))
     _project_rows(rays, lens, pixels - camera.center_px, rows)
     flat = np.nan_to_num(rows.reshape(2 * n, LENS_END), posinf=0.0, neginf=0.0)
@@ -142,11 +151,6 @@ def projection_sigmas_px(camera: DivisionCamera, covariance: Array, pixels: Arra
     largest = 0.5 * (a + d) + np.sqrt((0.5 * (a - d)) ** 2 + b**2)
     sigmas: Array = np.sqrt(np.maximum(largest, 0.0))
     return sigmas
-
-
-def _lens_about_center(camera: DivisionCamera) -> Array:
-    aspect = camera.aspect - 1.0
-    return np.array([camera.focal_px, 0.0, 0.0, *camera.terms, aspect, camera.p1, camera.p2])
 
 
 @jit

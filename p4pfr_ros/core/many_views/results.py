@@ -104,7 +104,7 @@ class CalibrationOptions:
         high=0.5,
     )
     projection_tolerance_px: float = option(
-        2.0,
+        3.0,
         'Calibrated below this standard deviation of the projection of a direction, anywhere '
         'where points were seen, pixels.',
         low=1e-3,

@@ -253,6 +253,7 @@ class SelfCalibration:
         self._state, self._coverage = CalibrationState.UNCALIBRATED, Coverage(self.image_size)
         self._seen_radius_px = 0.0
         self._counted: set[CenteredView] = set()
+        self._fused = None
         prior, terms = CommonPrior.without_views(self._typical), FreeTerms()
         frames = []
         if loaded is not None:
@@ -377,8 +378,9 @@ class SelfCalibration:
         """The prior of a camera that has changed: the shapes of the boards stay."""
         prior = CommonPrior.without_views(self._typical)
         for i in range(len(self._fit.boards)):
-            shape = self._fit.shape(i)
-            prior = prior.known_shape(i, shape.numbers, shape.covariance)
+            if np.isfinite(self._fit.full_covariance).all():
+                shape = self._fit.shape(i)
+                prior = prior.known_shape(i, shape.numbers, shape.covariance)
         return prior
 
     def _try_rejected_again(self) -> None:
@@ -428,8 +430,10 @@ class SelfCalibration:
 
     def _fused_estimate(self, fit: JointFit, views: int) -> CameraEstimate | None:
         """Return the camera unless it is UNCALIBRATED; the loaded one until there are views."""
-        if self._state is CalibrationState.UNCALIBRATED or self._uncertainty is None:
+        if self._state is CalibrationState.UNCALIBRATED:
             return None
+        if self._uncertainty is None:  # rounding, with extreme numbers
+            return self._fused
         if math.isnan(fit.rms_px):
             return self._loaded
         return CameraEstimate(

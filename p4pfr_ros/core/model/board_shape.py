@@ -52,7 +52,7 @@ class BoardShape:
     Raises
     ------
     ValueError
-        A wrong shape, a number that is not finite, or a half extent that is not positive.
+        A wrong shape, a number that is not finite, or no extent.
 
     """
 

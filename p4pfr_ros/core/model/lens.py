@@ -190,7 +190,7 @@ def _scale(x: float, y: float, z: float, lens: Array, u: float, v: float) -> flo
     """Return s of a point observed near (u, v); NaN if no pixel near (u, v) sees it."""
     rho2 = x * x + y * y
     if lens[K2] == 0.0 and lens[K3] == 0.0 and lens[K4] == 0.0:
-        return closed_form(z, lens[K], rho2)
+        return one_term_scale(z, lens[K], rho2)
     dx = (u - lens[CX]) / lens[FOCAL]
     dy = (v - lens[CY]) / (lens[FOCAL] * (1.0 + lens[ASPECT]))
     near_axis = z > 0.0 and rho2 < _NEAR_AXIS * z * z
@@ -207,7 +207,7 @@ def _scale(x: float, y: float, z: float, lens: Array, u: float, v: float) -> flo
 
 
 @kernel
-def closed_form(z: float, k: float, rho2: float) -> float:
+def one_term_scale(z: float, k: float, rho2: float) -> float:
     """Return s of a lens with one term: the root of  k ρ² s² - Z s + 1  that is 1 / Z at k = 0."""
     square = z * z - 4.0 * k * rho2
     if not square >= 0.0:

@@ -34,7 +34,7 @@ TERM_SPREADS = (0.4, 0.03, 0.003, 0.0005)
 BEND_SPREADS = (0.2, 0.1, 0.02, 0.01)
 
 # Standard deviations of fy / fx - 1 and of p1 and p2, before the data ask for them and after.
-_ASPECT_SPREAD, _FREE_ASPECT_SPREAD = 0.003, 0.5
+_ASPECT_SPREAD, FREE_ASPECT_SPREAD = 0.003, 0.3
 _DECENTRING_SPREAD, _FREE_DECENTRING_SPREAD = 0.001, 0.05
 
 # Marginalised views count as at most this many; older ones fade, since a lens may change slowly,
@@ -126,13 +126,13 @@ class TypicalCamera:
             sigma[K] = self.k_sigma
         sigma[IMPERFECTIONS] = self.aspect_sigma, _DECENTRING_SPREAD, _DECENTRING_SPREAD
         if terms.imperfect:
-            sigma[IMPERFECTIONS] = _FREE_ASPECT_SPREAD, *[_FREE_DECENTRING_SPREAD] * 2
+            sigma[IMPERFECTIONS] = FREE_ASPECT_SPREAD, *[_FREE_DECENTRING_SPREAD] * 2
         sigma[LENS_SIZE:] = np.tile(SHAPE_SIGMAS, boards)
         return mean, sigma
 
-    def information(self, focal_px: float, terms: FreeTerms) -> Array:
-        """Return the inverse variances (10,) of a lens of about this focal length."""
-        sigma = self.at(focal_px, terms, 0)[1]
+    def information(self, focal_px: float, terms: FreeTerms, boards: int = 0) -> Array:
+        """Return the inverse variances (C,) for a lens of about this focal length."""
+        sigma = self.at(focal_px, terms, boards)[1]
         information: Array = sigma**-2.0
         return information
 

@@ -70,8 +70,9 @@ _FROM_THE_VIEW = 0.5
 _SAME_RAD = 0.02
 
 # Points that contradict the prior on the aspect ratio by this χ² may be of an image that was
-# scaled; and -2 log of the share of such cameras.
-_NOT_SQUARE = 4.0
+# scaled, or all priors together by the second, since other deviations may hide it; and -2 log of
+# the share of such cameras.
+_NOT_SQUARE, _UNUSUAL = 4.0, 8.0
 _FREE_ASPECT_CHI2 = 9.2
 
 # Beyond this difference of logarithms a focal length is tried with a typical one instead, too.
@@ -144,7 +145,7 @@ class FullViewProblem(ViewProblem):
         another fit. Few cameras have such pixels, so that fit must explain the view much better.
         """
         fits = [self._fit(start, given) for start in self._starts(rows)]
-        if self.camera is not None or all(fit.numbers.aspect_chi2 < _NOT_SQUARE for fit in fits):
+        if self.camera is not None or not any(_asks_for_aspect(fit.numbers) for fit in fits):
             return fits
         free = given._replace(information=with_free_aspect(given.information))
         starts = [np.concatenate([fit.state[:POSE_SIZE], fit.lens]) for fit in fits]
@@ -364,6 +365,11 @@ def _same_pose(fit: _Fit, other: _Fit) -> bool:
     # |A - B| = √8 sin(angle / 2)
     apart = float(np.linalg.norm(fit.state[:9] - other.state[:9]))
     return apart <= math.sqrt(2.0) * _SAME_RAD
+
+
+def _asks_for_aspect(numbers: FullFit) -> bool:
+    """Return whether a fit with another aspect ratio may explain the view much better."""
+    return numbers.aspect_chi2 > _NOT_SQUARE or numbers.prior_chi2 > _UNUSUAL
 
 
 def _focal_share(fit: _Fit) -> float:

@@ -30,13 +30,10 @@ from ..cameras.division import DivisionCamera
 from ..geometry import Array, Ints
 from ..linalg import inverse_of_information
 from ..model.lens import ASPECT, CX, CY, FOCAL, K, lens_from_camera, LENS_SIZE, P2, POSE_COLUMNS
-from ..model.prior import BEND_SPREADS, typical_focal_px
+from ..model.prior import BEND_SPREADS, FREE_ASPECT_SPREAD, typical_focal_px
 
 # The bends in a lens.
 _BENDS_AT = slice(BEND, BEND + BENDS)
-
-# Standard deviation of fy / fx - 1 of an image that was scaled.
-_FREE_ASPECT_SPREAD = 0.3
 
 
 class ViewPrior(NamedTuple):
@@ -153,5 +150,5 @@ def with_prior_on_k(
 def with_free_aspect(information: Array) -> Array:
     """Return a prior's information (10, 10) with that of any aspect ratio."""
     free = information.copy()
-    free[ASPECT, ASPECT] = _FREE_ASPECT_SPREAD**-2.0
+    free[ASPECT, ASPECT] = FREE_ASPECT_SPREAD**-2.0
     return free
