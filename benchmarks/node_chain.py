@@ -50,7 +50,7 @@ _BOARDS = {
     'tag': '{type: marker, id: 0, size_mm: 150, dictionary: DICT_APRILTAG_36h11}',
 }
 _SIZES = ((640, 480), (1280, 960))
-_WARM_UP_S, _TIMEOUT_S = 15.0, 120.0
+_WARM_UP_S, _TIMEOUT_S = 10.0, 120.0
 _NS = 1_000_000_000
 
 
