@@ -106,7 +106,7 @@ def corners_of(photo: ImageArray, board: Board) -> Array:
 
 
 def _opencv_corners(photo: ImageArray) -> Array:
-    grey = cv2.cvtColor(photo, cv2.COLOR_BGR2GRAY)
+    grey = photo if photo.ndim == 2 else cv2.cvtColor(photo, cv2.COLOR_BGR2GRAY)
     _, rough = cv2.findChessboardCorners(grey, _PATTERN)
     corners: Array = cv2.cornerSubPix(grey, rough, _WINDOW_PX, (-1, -1), _TERMINATION).reshape(
         -1, 2

@@ -28,16 +28,14 @@ BoardType = TypeVar('BoardType')
 
 
 def computed_once(points: Callable[[BoardType], Array]) -> Callable[[BoardType], Array]:
-    """Cache an array of a board, read-only: detection needs it for every image."""
+    """Cache an array of a board, which detection needs for every image; return copies of it."""
+    cached = functools.lru_cache(maxsize=_CACHED_BOARDS)(points)
 
-    @functools.lru_cache(maxsize=_CACHED_BOARDS)
     @functools.wraps(points)
-    def cached(board: BoardType) -> Array:
-        array = points(board)
-        array.setflags(write=False)
-        return array
+    def copied(board: BoardType) -> Array:
+        return cached(board).copy()
 
-    return cached
+    return copied
 
 
 def grid_points(columns: int, rows: int, step_m: float) -> Array:

@@ -59,6 +59,15 @@ def reducing_kernel(function: Function) -> Function:
     return _compiled(function, **_OPTIONS, _nrt=False, fastmath={'reassoc', 'contract', 'nsz'})
 
 
+def part_of_kernel(function: Function) -> Function:
+    """
+    Mark a function that one kernel calls, in one place: it is compiled there alone.
+
+    A function of its own is compiled once more with each of its callers, and their callers.
+    """
+    return _compiled(function, **_OPTIONS, _nrt=False, inline='always')
+
+
 def _compiled(function: Function, **options: Any) -> Function:
     if not COMPILED:
         return _interpreted(function)
