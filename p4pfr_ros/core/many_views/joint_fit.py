@@ -37,8 +37,7 @@ from ..model.uncertainty import DEFAULT_SIGMA_PX, noise_variance, posterior_vari
 _GATE_SIGMAS = 6.0
 _SMALLEST_GATE_PX = 0.1
 
-# Degrees of freedom and scatter that are added to those measured: few views do not measure it.
-_USUAL_SCATTER = 10.0, 5.0  # of real boards
+# Degrees of freedom and scatter that are added to those measured where views shall tell alone.
 _NO_SCATTER = 4.0, 1.0
 
 # The median of the squared length of a normal error is 2 ln 2 variances of a coordinate.
@@ -352,7 +351,7 @@ def _result_of(
     )
     if not measured:
         return fit
-    scatter, measured_scatter = _scatter(fit, _USUAL_SCATTER), _scatter(fit, _NO_SCATTER)
+    scatter, measured_scatter = _scatter(fit, prior.scatter), _scatter(fit, _NO_SCATTER)
     return replace(fit, scatter=scatter, measured_scatter=measured_scatter)
 
 

@@ -25,7 +25,7 @@ from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION
 from ..jit import jit, kernel
 from ..linalg import inverse_of_information
 from ..model.board_shape import SHAPE_SIZE
-from ..model.lens import one_term_scale, FOCAL, lens_from_camera, LENS_SIZE
+from ..model.lens import FOCAL, lens_from_camera, LENS_SIZE, one_term_scale
 from ..model.observation import Observation
 from ..model.prior import (
     common_places,
@@ -294,9 +294,9 @@ def least_informative(fit: JointFit, new: Array) -> int | None:
     """
     Return the index of the view to drop for a new one; None if the new one adds too little.
 
-    new (18, 18), px²: the new view's information about lens and board. The remaining views have the
-    largest determinant of the information, that is, the smallest volume of uncertainty, for given
-    shapes of the boards.
+    new (18, 18), px²: the new view's information about lens and board. The remaining views have
+    the largest determinant of the information about the lens, that is, the smallest volume of
+    uncertainty, for given shapes of the boards.
     """
     free = fit.terms.columns
     information = np.concatenate([fit.information, new[None]])[:, free[:, None], free]

@@ -133,9 +133,7 @@ def _is_zero(fit: JointFit, columns: Ints) -> bool:
     inverse = inverse_of_information(total[np.ix_(rest, rest)])
     information = total[np.ix_(columns, columns)] - across @ inverse @ across.T
     at = fit.lens[columns]
-    return bool(
-        at @ information @ at < _bar(fit.terms, columns, _FIXED, _FIXED_NEXT) * fit.variance
-    )
+    return bool(at @ information @ at < _FIXED[len(columns)] * fit.variance)
 
 
 def _reaching_the_rim(

@@ -146,10 +146,11 @@ def projection_sigmas_px(camera: DivisionCamera, covariance: Array, pixels: Arra
     turns, by_lens = flat[:, :3], flat[:, LENS_END - LENS_SIZE :]
     by_lens = by_lens - turns @ np.linalg.lstsq(turns, by_lens, rcond=None)[0]
     each = by_lens.reshape(n, 2, LENS_SIZE)
-    variances = each @ covariance @ each.transpose(0, 2, 1)
-    a, b, d = variances[:, 0, 0], variances[:, 0, 1], variances[:, 1, 1]
-    largest = 0.5 * (a + d) + np.sqrt((0.5 * (a - d)) ** 2 + b**2)
-    sigmas: Array = np.sqrt(np.maximum(largest, 0.0))
+    with np.errstate(all='ignore'):  # of extreme cameras it is infinite
+        variances = each @ covariance @ each.transpose(0, 2, 1)
+        a, b, d = variances[:, 0, 0], variances[:, 0, 1], variances[:, 1, 1]
+        largest = 0.5 * (a + d) + np.sqrt((0.5 * (a - d)) ** 2 + b**2)
+        sigmas: Array = np.nan_to_num(np.sqrt(np.maximum(largest, 0.0)), nan=np.inf)
     return sigmas
 
 

@@ -261,7 +261,7 @@ class SelfCalibration:
             terms = terms_of_lens(lens)
             prior = CommonPrior.of_calibration(
                 self._typical, lens, loaded.covariance, loaded.views
-            )
+            ).with_scatter(loaded.scatter)
             if loaded.coverage is not None:
                 self._coverage.seen[:] = loaded.coverage
             else:
@@ -376,7 +376,7 @@ class SelfCalibration:
     @property
     def _prior_of_boards(self) -> CommonPrior:
         """The prior of a camera that has changed: the shapes of the boards stay."""
-        prior = CommonPrior.without_views(self._typical)
+        prior = CommonPrior.without_views(self._typical).with_scatter(self._fit.scatter)
         for i in range(len(self._fit.boards)):
             if np.isfinite(self._fit.full_covariance).all():
                 shape = self._fit.shape(i)

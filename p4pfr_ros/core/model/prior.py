@@ -44,6 +44,12 @@ _MOST_MARGINALISED = 2000.0
 # Most terms of the polynomial.
 MAX_ORDER = 4
 
+# Degrees of freedom and scatter (chi-square per degree of freedom of the views' lenses) that are
+# added to those measured, since few views do not measure it: of real boards, and of an earlier
+# calibration.
+USUAL_SCATTER = 10.0, 5.0
+_EARLIER_FREEDOM = 40.0
+
 # What an ideal lens and sensor do not have.
 IMPERFECTIONS = [ASPECT, P1, P2]
 
@@ -144,7 +150,7 @@ class CommonPrior:
 
     Earlier views are a quadratic cost about reference (C,): information (C, C), gradient (C,).
     marginalised (C, C): the part of the information from views of this calibration, not of a
-    loaded one; views: their number.
+    loaded one; views: their number. scatter: degrees of freedom and scatter expected of new views.
     """
 
     typical: TypicalCamera
@@ -153,6 +159,7 @@ class CommonPrior:
     gradient: Array
     marginalised: Array
     views: int = 0
+    scatter: tuple[float, float] = USUAL_SCATTER
 
     @classmethod
     def without_views(cls, typical: TypicalCamera) -> CommonPrior:
@@ -181,6 +188,10 @@ class CommonPrior:
     def boards(self) -> int:
         """The number of boards whose shapes are in the prior."""
         return (len(self.reference) - LENS_SIZE) // SHAPE_SIZE
+
+    def with_scatter(self, scatter: float) -> CommonPrior:
+        """Return the prior of views that scatter as those of an earlier calibration."""
+        return replace(self, scatter=(_EARLIER_FREEDOM, scatter))
 
     def for_boards(self, boards: int) -> CommonPrior:
         """Return the prior with room for more boards, of which nothing is known."""
@@ -224,7 +235,7 @@ class CommonPrior:
         share = self.marginalised[np.ix_(rest, rest)]
         marginalised[np.ix_(rest, rest)] = np.minimum(np.abs(share), np.abs(kept)) * np.sign(kept)
         return CommonPrior(
-            self.typical, reference, information, gradient, marginalised, self.views
+            self.typical, reference, information, gradient, marginalised, self.views, self.scatter
         )
 
     def marginalise(

@@ -7,7 +7,7 @@ The model of the full fit of one view, and its linearisation.
 The search takes the principal point for the middle of the image, the lens for one term, pixels
 for square and the board for flat. Real cameras and boards deviate a little, and one view cannot
 tell by how much; a pose that takes such a constant for true is wrong by many of its standard
-deviations. So here each is a parameter with a prior: pose (6), lens (6) and deviations (7).
+deviations. So here each is a parameter with a prior: pose (6), lens (10) and deviations (6).
 
 The lens is parametrised such that its priors do not depend on each other: the logarithm of the
 focal length, the centre in pixels from the middle of the image, and the bends  bᵢ = kᵢ (R/f)²ⁱ
