@@ -39,6 +39,9 @@ from ..model.lens import (
 _ROUGH_FOCAL = 0.15
 _ROUGH_PROJECTION = 0.15
 
+# Parts of the image in which points must have been seen.
+_FEWEST_SPOTS = 2
+
 # Boards that are tilted less hardly determine the focal length.
 _SOME_TILT_DEG = 15.0
 
@@ -85,7 +88,7 @@ class Uncertainty:
 def uncertainty_of(
     fit: JointFit, coverage: Coverage, seen_radius_px: float, image_size: tuple[int, int]
 ) -> Uncertainty | None:
-    """Return how well the camera of a fit is known; None if its covariance is not positive."""
+    """Return how well the camera of a fit is known; None if that is not known."""
     covariance = fit.full_covariance[:LENS_SIZE, :LENS_SIZE]
     variances = np.diag(covariance)
     # Rounding may leave negative variances if the numbers are extreme.
@@ -95,10 +98,14 @@ def uncertainty_of(
     camera = camera_from_lens(fit.lens, middle_px)
     pixels = _within(coverage.middles_px(), camera.center_px, seen_radius_px)
     sigmas = projection_sigmas_px(camera, covariance, pixels)
+    largest_px = float(sigmas.max(initial=0.0))
+    # From one spot a turn of the camera explains all.
+    if len(sigmas) < _FEWEST_SPOTS or not math.isfinite(largest_px):
+        return None
     return Uncertainty(
         math.sqrt(variances[FOCAL]) / fit.lens[FOCAL],
         math.sqrt(max(variances[CX], variances[CY])) / math.hypot(*image_size),
-        float(sigmas.max(initial=0.0)) if len(sigmas) > 1 else math.inf,
+        largest_px,
     )
 
 
