@@ -102,7 +102,8 @@ def inverse_of_information(information: Array) -> Array:
     """Invert a symmetric matrix (n, n) as `invert_information` does."""
     n = len(information)
     inverse = np.empty((n, n))
-    invert_information(np.ascontiguousarray(information), n, np.empty((n, n + 1)), inverse)
+    # A copy: a read-only array would compile the kernel once more.
+    invert_information(np.array(information, order='C'), n, np.empty((n, n + 1)), inverse)
     return inverse
 
 

@@ -29,7 +29,7 @@ from ..linalg import inverse_of_information
 from ..model.board_shape import BoardShape, SHAPE_SIZE
 from ..model.lens import ASPECT, camera_from_lens, FOCAL, LENS_SIZE, POSE_COLUMNS
 from ..model.observation import CenteredView
-from ..model.prior import common_places, CommonPrior, FreeTerms, shape_slice
+from ..model.prior import common_places, CommonPrior, FreeTerms, shape_slice, WeightedPrior
 from ..model.uncertainty import DEFAULT_SIGMA_PX, noise_variance, posterior_variance
 
 # Points beyond this many standard deviations of a coordinate are outliers, but no points within
@@ -165,7 +165,9 @@ class JointFit:
         share = min(1.0, _FARTHEST_FOCAL * lens[FOCAL] / max(abs(step[0]), 1e-300))
         lens[free[own]] -= share * step[own]
         inverse = inverse_of_information(rest)
-        covariance[np.ix_(known, known)] = self.posterior_variance * inverse[np.ix_(known, known)]
+        with np.errstate(all='ignore'):  # extreme numbers
+            of_lens = self.posterior_variance * inverse[np.ix_(known, known)]
+        covariance[np.ix_(known, known)] = np.nan_to_num(of_lens)
         return lens, covariance
 
     @cached_property
@@ -323,11 +325,6 @@ def _result_of(
     if measured:
         variance = noise_variance(float(squares[inlier].sum()), dof, limit)
     unit = prior.weighted(1.0, focal_px, terms, count)
-    # The equations have the prior with the variance of the adjustment.
-    equations = work.reduced.copy()
-    equations[:, :-1] += (variance - given) * unit.information
-    at_common = unit.gradient - unit.information @ (common - unit.reference)
-    equations[:, -1] += (variance - given) * at_common
     of_prior = variance * (unit.information - prior.for_boards(count).marginalised)
     of_view = work.of_view.copy()
     fit = JointFit(
@@ -343,7 +340,7 @@ def _result_of(
         measured=measured,
         scatter=1.0,
         measured_scatter=1.0,
-        equations=equations,
+        equations=_with_variance(work.reduced, unit, common, variance - given),
         prior=of_prior,
         typical=variance * prior.typical.information(focal_px, terms, count),
         information=of_view[:, :, :VIEW_COMMON],
@@ -353,6 +350,15 @@ def _result_of(
         return fit
     scatter, measured_scatter = _scatter(fit, prior.scatter), _scatter(fit, _NO_SCATTER)
     return replace(fit, scatter=scatter, measured_scatter=measured_scatter)
+
+
+def _with_variance(equations: Array, unit: WeightedPrior, common: Array, more: float) -> Array:
+    """Return equations (C, C + 1) whose prior has this much more of the noise variance, px²."""
+    result = equations.copy()
+    result[:, :-1] += more * unit.information
+    gradient = unit.gradient - unit.information @ (common - unit.reference)
+    result[:, -1] += more * gradient
+    return result
 
 
 def _scatter(fit: JointFit, usual: tuple[float, float]) -> float:

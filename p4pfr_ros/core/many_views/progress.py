@@ -19,7 +19,7 @@ import math
 import numpy as np
 
 from .joint_fit import JointFit
-from .results import CalibrationOptions, CalibrationState, COVERAGE_SHAPE
+from .results import CalibrationOptions, CalibrationState, COVERAGE_SHAPE, LARGEST_VARIANCE
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, Mask, POSE_SIZE
 from ..jit import jit
@@ -92,7 +92,7 @@ def uncertainty_of(
     covariance = fit.full_covariance[:LENS_SIZE, :LENS_SIZE]
     variances = np.diag(covariance)
     # Rounding may leave negative variances if the numbers are extreme.
-    if not (variances >= 0.0).all():
+    if not (variances >= 0.0).all() or not variances.max() < LARGEST_VARIANCE:
         return None
     middle_px = (image_size[0] - 1.0) / 2.0, (image_size[1] - 1.0) / 2.0
     camera = camera_from_lens(fit.lens, middle_px)

@@ -24,7 +24,7 @@ from ..options import check_options, option
 _ROUNDING = 1e-6
 
 # Products of larger variances may not be finite.
-_LARGEST_VARIANCE = 1e60
+LARGEST_VARIANCE = 1e60
 
 # Rows and columns of the parts of the image in which points are counted as seen.
 COVERAGE_SHAPE = (12, 16)
@@ -307,8 +307,8 @@ def _checked_covariance(given: Array) -> Array:
     shape = (6, 6) if np.shape(given) == (6, 6) else (LENS_SIZE, LENS_SIZE)
     covariance = np.zeros((LENS_SIZE, LENS_SIZE))
     covariance[: shape[0], : shape[1]] = as_points(given, 'covariance', shape)
-    if not np.abs(covariance).max() <= _LARGEST_VARIANCE:
-        raise ValueError(f'covariance must be at most {_LARGEST_VARIANCE:g}')
+    if not np.abs(covariance).max() <= LARGEST_VARIANCE:
+        raise ValueError(f'covariance must be at most {LARGEST_VARIANCE:g}')
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     # In units of the standard deviations: px² and k² differ by orders of magnitude.
     unit = covariance / np.outer(*(2 * [np.where(sigma > 0.0, sigma, 1.0)]))
