@@ -44,12 +44,18 @@ $(MADE): setup.py
 demo: venv
 	$(BIN)/p4pfr demo
 
+# Interpreted kernels give the same results: shown for one module of each kind, as it takes long.
+INTERPRETED := test/core/minimal test/core/model test/core/cameras test/core/test_linalg.py \
+	test/core/test_jit.py test/core/one_view/test_least_squares.py \
+	test/core/one_view/test_known_camera.py test/core/one_view/test_estimate_pose.py \
+	test/core/many_views/test_bundle_adjustment.py
+
 # The kernels are compiled once instead of by each worker, while the tests without JIT run.
 # DDS tests run last and alone, because their processes need the cores. They mostly wait, so two
 # modules run at a time, each in its own DDS domain.
 test: venv
 	$(BIN)/python -c 'from p4pfr_ros.ros.runtime.warm_up import *; warm_up(); warm_up_detection()' & compiler=$$!; \
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 1 test/core; status=$$?; \
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 1 $(INTERPRETED); status=$$?; \
 	wait $$compiler && exit $$status
 	$(BIN)/python -m pytest -m 'not dds' -n auto --dist loadscope
 	$(BIN)/python -m pytest -m dds -n 2 --dist loadscope

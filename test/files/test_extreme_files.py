@@ -74,7 +74,9 @@ def is_like_another(place):
     return is_entry and place[-1] > 1 and place[-1] not in range(0, size**2, 2 * (size + 1))
 
 
-@over_values
+@pytest.mark.parametrize(
+    'value', [0.0, -1.0, 5e-324, 1e-160, 1e-30, 1e7, 1e30, 1e77, 1e155, 1e308]
+)
 def test_a_calibration_file(tmp_path, value):
     """What is loaded can be used in every mode, published and saved."""
     path = tmp_path / 'camera.yaml'

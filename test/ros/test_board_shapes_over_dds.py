@@ -156,13 +156,13 @@ def test_self_calibration_says_what_is_missing_and_how_the_board_is_bent(node):
     """The shape is saved under the board's name."""
     node.client.set('intrinsics.mode', 'self_calibrate')
     assert node.client.peer.call(Trigger, 'pose_node/reset_calibration').success
-    for index in (100, 101):
+    for index in range(100, 104):
         node.pose(index)
-    message, values = node.status(lambda values: values['views'] == '2')
-    assert '3 more different views' in values['missing']
+    message, values = node.status(lambda values: values['views'] == '4')
+    assert '1 more different view' in values['missing']
     assert values['missing'] in message
     assert 'converging' in values['calibration']
-    for index in range(102, 140):
+    for index in range(104, 140):
         node.pose(index)
     message, values = node.status(lambda values: values['missing'] == 'nothing')
     assert f'{float(values["projection_sigma_px"]):.2f} px at most where seen' in message

@@ -188,7 +188,8 @@ def missing_views(
         advice.append('tilt the board by 30 to 60 degrees')
     advice += _empty_parts(coverage.seen)
     if views < options.min_views:
-        advice.append(f'{options.min_views - views} more different views')
+        more = options.min_views - views
+        advice.append(f'{more} more different view{"s" if more > 1 else ""}')
     if uncertainty.center >= options.center_tolerance:
         advice.append('turn the board or the camera by 90 degrees about the line of sight')
     if uncertainty.focal >= options.focal_tolerance and len(advice) == 0:
