@@ -64,7 +64,7 @@ def test_what_is_missing_names_empty_parts_of_the_image_and_the_tilt():
     calibration = calibrate(left)
     missing = calibration.missing
     assert 'tilt the board by 30 to 60 degrees' in missing
-    assert '1 more different views' in missing
+    assert '1 more different view' in missing
     empty = {line for line in missing if line.startswith('no points in the')}
     for third in ('upper right', 'middle right', 'lower right'):
         assert f'no points in the {third} third of the image' in empty
