@@ -185,8 +185,9 @@ class FullViewProblem(ViewProblem):
             rms_px=math.sqrt(best.numbers.total / best.numbers.inliers),
             iterations=iterations,
             covariance=mark_undetermined(best.covariance, observable),
+            # Another aspect ratio is no other pose: it counts in the covariance alone.
             alternatives=tuple(
-                self._model(other) for other in alternatives if not _same_pose(other, best)
+                self._model(other) for other in alternatives if other.penalty == best.penalty
             ),
             observable=observable,
             camera_fit=camera_fit,
