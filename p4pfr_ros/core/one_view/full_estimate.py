@@ -173,11 +173,13 @@ class FullViewProblem(ViewProblem):
         if not fits:
             return no_estimate(Status.SEEN_FROM_BEHIND, n, iterations)
         ranked = self._ranked(fits)
-        best, alternatives = ranked[0][1], [fit for _, fit in ranked[1:]]
+        best, others = ranked[0][1], [fit for _, fit in ranked[1:]]
         model = self._model(best)
         observable = self._observable(best, model.camera_from_board)
-        if alternatives:
+        if others:
             self._include_alternatives(ranked)
+        # Another aspect ratio is no other pose: it counts in the covariance alone.
+        others = [other for other in others if other.penalty == best.penalty]
         return PoseEstimate(
             model=model,
             status=_status(status, observable),
@@ -185,10 +187,7 @@ class FullViewProblem(ViewProblem):
             rms_px=math.sqrt(best.numbers.total / best.numbers.inliers),
             iterations=iterations,
             covariance=mark_undetermined(best.covariance, observable),
-            # Another aspect ratio is no other pose: it counts in the covariance alone.
-            alternatives=tuple(
-                self._model(other) for other in alternatives if other.penalty == best.penalty
-            ),
+            alternatives=tuple(self._model(other) for other in others),
             observable=observable,
             camera_fit=camera_fit,
             focal_limits=None if self.camera else _limits_of(best.numbers),
