@@ -26,6 +26,8 @@ def sequence(board, count=8):
 @pytest.mark.parametrize('name', ['chessboard', 'charuco', 'marker', 'marker_grid', 'circle_grid'])
 def test_a_sequence_gives_the_points_of_its_images_alone(name):
     """Or more: OpenCV's thresholds depend on the size of the image."""
+    if name == 'charuco' and cv2.__version__ < '4.7':
+        pytest.skip('the older ArUco interface misses a marker in the smaller image')
     board, before = BOARDS[name], None
     for image, _ in sequence(board):
         alone, near = detect(image, board), detect(image, board, near=before)

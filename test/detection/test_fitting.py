@@ -28,7 +28,7 @@ def test_a_step_without_damping_solves_the_normal_equations():
     cost = fitting.add_up(room.rows, padded, 40, room.weighted, room.normal[0])
     fitting.damped_step(room, 0.0)
     root = np.sqrt(weights)
-    expected = np.linalg.lstsq(root[:, None] * jacobian, root * residuals)[0]
+    expected = np.linalg.lstsq(root[:, None] * jacobian, root * residuals, rcond=None)[0]
     np.testing.assert_allclose(room.parameters[1], expected, rtol=1e-5)
     np.testing.assert_allclose(cost, weights @ residuals**2)
 

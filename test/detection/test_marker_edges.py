@@ -117,6 +117,7 @@ def test_a_marker_with_another_code_is_absent():
         assert refine_markers(image, truth[None], cells[None])[1] == OTHER_CODE
 
 
+@pytest.mark.skipif(cv2.__version__ < '4.7', reason='OpenCV 4.6 has fewer candidates: absent')
 @pytest.mark.parametrize('wall', [0.0, 100.0, 160.0])
 @pytest.mark.parametrize('margin_cells', [0.15, 0.25, 0.5, 1.0])
 @pytest.mark.parametrize('distance_m', [0.5, 1.0])
