@@ -9,13 +9,9 @@ This module stands alone: the command line and the node estimate poses with know
 
 from __future__ import annotations
 
-import numpy as np
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.core.many_views.results import CameraEstimate
 from p4pfr_ros.core.model.board_shape import BoardShape
-
-# A shape is a polynomial: beyond its points by this share of its half size it is not used.
-_BEYOND = 0.1
 
 
 def shape_in_use(estimate: CameraEstimate, name: str, board_points: Array) -> BoardShape | None:
@@ -27,7 +23,4 @@ def shape_in_use(estimate: CameraEstimate, name: str, board_points: Array) -> Bo
     deviations that ``EstimateOptions`` allow.
     """
     shape = estimate.board_shape(name)
-    if shape is None:
-        return None
-    beyond = np.abs(board_points - shape.center) - shape.half_extent
-    return shape if beyond.max() <= _BEYOND * shape.half_size else None
+    return shape if shape is not None and shape.covers(board_points) else None

@@ -15,10 +15,9 @@ from typing import Any
 
 from matplotlib.collections import LineCollection
 import numpy as np
-from p4pfr_ros import BoardShape, CameraEstimate, DivisionCamera, Keyframe
+from p4pfr_ros import BoardShape, CameraEstimate, Keyframe
 from p4pfr_ros.core.geometry import Array, Mask
-from p4pfr_ros.core.many_views.results import COVERAGE_SHAPE
-from p4pfr_ros.core.model.lens import LENS_SIZE
+from p4pfr_ros.core.many_views.progress import Coverage, projection_sigmas_px
 from p4pfr_ros.report.figure_style import GREY
 from p4pfr_ros.report.number_format import shape_text
 
@@ -28,9 +27,6 @@ _CELLS = 64
 _MAX_BOARDS = 2
 # The colours of the uncertainty end at this multiple of the largest one where points were seen.
 _MAX_RATIO = 4.0
-# Steps of the numerical derivatives: of the focal length and the centre as shares of the focal
-# length, and of a term that moves the corner by about as much.
-_STEP = 1e-5
 
 
 def draw_uncertainty_and_boards(
@@ -111,74 +107,23 @@ def _cells(height: float, width: float) -> tuple[int, int]:
 
 def _seen_pixels(estimate: CameraEstimate, size: tuple[int, int]) -> Array:
     """Return the middles of the parts of the image in which points were seen, (n, 2)."""
-    rows, columns = COVERAGE_SHAPE
-    seen = np.ones(COVERAGE_SHAPE, bool) if estimate.coverage is None else estimate.coverage
-    y, x = np.nonzero(seen)
-    pixels = np.stack([(x + 0.5) * size[0] / columns, (y + 0.5) * size[1] / rows], axis=-1) - 0.5
-    if estimate.seen_radius_px is None:
-        return pixels
-    off = pixels - estimate.camera.center_px
-    radii = np.linalg.norm(off, axis=1, keepdims=True)
-    inside: Array = estimate.camera.center_px + off * np.minimum(
-        1.0, estimate.seen_radius_px / np.maximum(radii, 1e-9)
-    )
-    return inside
+    coverage = Coverage(size, True if estimate.coverage is None else estimate.coverage)
+    return coverage.pixels(estimate.camera.center_px, estimate.seen_radius_px or math.inf)
 
 
 def uncertainty_px(estimate: CameraEstimate, pixels: Array, seen: Array) -> Array:
     """
     Return the standard deviation of projections at pixels (N, 2), in the worst direction.
 
-    As ``projection_sigmas_px`` of the core, but anywhere in the image: the turn of the camera
-    that is taken out is the one that explains most where points were seen, at pixels (n, 2).
-    NaN where the lens sees nothing.
+    Anywhere in the image: the turn of the camera that is taken out is the one that explains most
+    where points were seen, at pixels (n, 2). NaN where the lens sees nothing.
     """
-    derivatives, turns = _derivatives(estimate.camera, np.concatenate([seen, pixels]))
-    n = len(seen)
-    valid = np.isfinite(derivatives[:n]).all(axis=(1, 2))
-    at_seen = derivatives[:n][valid].reshape(-1, LENS_SIZE)
-    turn = np.linalg.lstsq(turns[:n][valid].reshape(-1, 3), at_seen, rcond=None)[0]
-    rest = derivatives[n:] - turns[n:] @ turn
-    covariance = rest @ estimate.covariance @ rest.transpose(0, 2, 1)
-    a, b, d = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
-    variances = 0.5 * (a + d) + np.sqrt((0.5 * (a - d)) ** 2 + b**2)
-    sigmas: Array = np.sqrt(np.maximum(variances, 0.0))
-    return sigmas
-
-
-def _derivatives(camera: DivisionCamera, pixels: Array) -> tuple[Array, Array]:
-    """Return how pixels move with the camera, (N, 2, 10), and with a turn of it, (N, 2, 3)."""
-    rays = camera.unproject(pixels)
-    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    camera = estimate.camera
+    sigmas = projection_sigmas_px(camera, estimate.covariance, pixels, seen)
     # Beyond the fold of the lens a pixel sees the ray of another one.
-    visible = np.abs(camera.project(rays) - pixels).max(axis=1) < 1e-3 * camera.focal_px
-    by_lens = [
-        (_moved(camera, i, step).project(rays) - _moved(camera, i, -step).project(rays))
-        / (2.0 * step)
-        for i, step in enumerate(_steps(camera, pixels))
-    ]
-    by_turn = [
-        (camera.project(rays + offset) - camera.project(rays - offset)) / (2.0 * _STEP)
-        for offset in (_STEP * np.cross(axis, rays) for axis in np.eye(3))
-    ]
-    derivatives, turns = np.stack(by_lens, axis=-1), np.stack(by_turn, axis=-1)
-    derivatives[~visible] = np.nan
-    return derivatives, turns
-
-
-def _steps(camera: DivisionCamera, pixels: Array) -> list[float]:
-    q = float(np.sum(((pixels - camera.center_px) / camera.focal_xy_px) ** 2, axis=1).max())
-    px = _STEP * camera.focal_px
-    return [px, px, px, *(_STEP / q**i for i in (1, 2, 3, 4)), _STEP, _STEP / q, _STEP / q]
-
-
-def _moved(camera: DivisionCamera, parameter: int, step: float) -> DivisionCamera:
-    """Return a camera with one parameter changed, in the order of the covariance."""
-    (x, y), numbers = camera.center_px, (*camera.terms, camera.aspect, camera.p1, camera.p2)
-    changed = [camera.focal_px, x, y, *numbers]
-    changed[parameter] += step
-    focal_px, x, y, *others = changed
-    return DivisionCamera(focal_px, (x, y), *others)
+    off_px = np.abs(camera.project(camera.unproject(pixels)) - pixels).max(axis=1)
+    visible: Array = np.where(off_px < 1e-3 * camera.focal_px, sigmas, np.nan)
+    return visible
 
 
 def _outline(axes: Any, seen: Mask, size: tuple[int, int]) -> None:

@@ -16,15 +16,12 @@ import numpy as np
 
 from .bundle_adjustment import StackedViews
 from ..geometry import Array
-from ..model.board_shape import basis_of, displacement, SHAPE_SIZE
+from ..model.board_shape import basis_of, covers, displacement, SHAPE_SIZE
 from ..model.observation import CenteredView, Observation
 from ..model.prior import shape_slice
 
 # The shapes of at most so many boards are estimated; others are taken as flat.
 MAX_BOARDS = 8
-
-# A shape is a polynomial: beyond its frame by this share it is not extrapolated.
-_BEYOND_FRAME = 0.1
 
 # A frame grows at most to this multiple at once: points farther away are none of the board.
 _LARGEST_GROWTH = 5.0
@@ -46,8 +43,7 @@ class BoardFrame:
 
     def covers(self, points: Array) -> bool:
         """Return whether points are within the frame, or hardly outside."""
-        beyond = np.abs(points - self.center) - self.half_extent
-        return bool(beyond.max() <= _BEYOND_FRAME * self.half_extent.max())
+        return covers(points, self.center, self.half_extent)
 
     def may_reach(self, points: Array) -> bool:
         """Return whether points may be of this board, not of a much larger one."""
@@ -99,6 +95,11 @@ def board_view(view: CenteredView, name: str, boards: Sequence[BoardFrame]) -> B
     half_size = float(frame.half_extent.max())
     basis = basis_of(points, frame.center, half_size)
     return BoardView(view, name, place, basis * (half_size / view.observation.board_size))
+
+
+def number_of_shapes(boards: Sequence[BoardFrame]) -> int:
+    """Return the number of shapes in a fit: one that stays zero where no board has one."""
+    return max(len(boards), 1)
 
 
 def place_of(name: str, boards: Sequence[BoardFrame]) -> int | None:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .board_views import BoardFrame, BoardView, stacked_views
+from .board_views import BoardFrame, BoardView, number_of_shapes, stacked_views
 from .bundle_adjustment import (
     adjust,
     adjustment_work,
@@ -123,7 +123,7 @@ class JointFit:
     @property
     def free(self) -> Ints:
         """The places of the estimated common parameters."""
-        return self.terms.with_boards(len(self.boards) or 1)
+        return self.terms.with_boards(number_of_shapes(self.boards))
 
     def without(self, v: int) -> JointFit:
         """Return the fit without a view; nothing is fitted again."""
@@ -218,7 +218,7 @@ def gate_of(variance: float) -> float:
 def fit_of_prior(prior: CommonPrior, terms: FreeTerms, boards: tuple[BoardFrame, ...]) -> JointFit:
     """Return a fit without views: the prior."""
     variance = DEFAULT_SIGMA_PX**2
-    count = max(len(boards), 1)
+    count = number_of_shapes(boards)
     prior = prior.for_boards(count)
     focal_px = prior.reference[0] or prior.typical.focal_px
     weighted = prior.weighted(variance, focal_px, terms, count)
@@ -272,7 +272,7 @@ def fit_views(
 
     sigma_px: the standard deviation of a coordinate; None: it is measured.
     """
-    count = max(len(start.boards), 1)
+    count = number_of_shapes(start.boards)
     points, poses = stacked_views(views), start.poses.copy()
     common = np.zeros(LENS_SIZE + SHAPE_SIZE * count)
     common[: len(start.common)] = start.common
@@ -321,7 +321,7 @@ def _result_of(
     inlier = squares < limit
     dof = 2 * int(inlier.sum()) - POSE_COLUMNS * len(views) - len(terms.columns)
     measured = measured and dof >= _MIN_DOF
-    given, count = variance, max(len(boards), 1)
+    given, count = variance, number_of_shapes(boards)
     if measured:
         variance = noise_variance(float(squares[inlier].sum()), dof, limit)
     unit = prior.weighted(1.0, focal_px, terms, count)

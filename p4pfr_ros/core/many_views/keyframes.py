@@ -16,7 +16,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .board_views import board_view, BoardFrame, BoardView, MAX_BOARDS, place_of
+from .board_views import (
+    board_view,
+    BoardFrame,
+    BoardView,
+    MAX_BOARDS,
+    number_of_shapes,
+    place_of,
+)
 from .candidate import Candidate, disagrees, EvaluatedView
 from .joint_fit import fit_views, JointFit, Start
 from .lens_terms import ENOUGH_FOR_A_TERM, with_lens_terms
@@ -76,7 +83,9 @@ def with_view(candidate: Candidate, prior: CommonPrior, max_views: int) -> Joine
         )
         if drop is None:
             return None
-        prior = marginalised(prior, fit, drop)
+        prior = marginalised(
+            prior, fit, fit.views[drop], fit.information[drop], fit.gradients[drop]
+        )
         fit = fit.without(drop)
     boards, prior, common = _with_board(candidate, fit, prior)
     views = [*fit.views, board_view(candidate.view, candidate.board, boards)]
@@ -97,11 +106,12 @@ def with_view(candidate: Candidate, prior: CommonPrior, max_views: int) -> Joine
     return Joined(with_lens_terms(best_of(trials), prior, candidate.robust.sigma_px), prior)
 
 
-def marginalised(prior: CommonPrior, fit: JointFit, v: int) -> CommonPrior:
-    """Return the prior with the information of a view of the fit."""
-    at = common_places(fit.views[v].board)
-    prior = prior.for_boards(max(len(fit.boards), 1))
-    information, gradient = fit.information[v], fit.gradients[v]
+def marginalised(
+    prior: CommonPrior, fit: JointFit, view: BoardView, information: Array, gradient: Array
+) -> CommonPrior:
+    """Return the prior with the information (18, 18) and gradient (18,) of a view, at a fit."""
+    prior = prior.for_boards(number_of_shapes(fit.boards))
+    at = common_places(view.board)
     return prior.marginalise(information, gradient, fit.common, fit.variance, at)
 
 
@@ -115,7 +125,7 @@ def _with_board(
     """
     points, boards = candidate.view.observation.board_points, fit.boards
     place = place_of(candidate.board, boards)
-    common = np.zeros(LENS_SIZE + SHAPE_SIZE * max(len(boards), 1))
+    common = np.zeros(LENS_SIZE + SHAPE_SIZE * number_of_shapes(boards))
     common[: len(fit.common)] = fit.common
     if place is None:
         if len(boards) < MAX_BOARDS:

@@ -88,29 +88,35 @@ def _asked_for(fit: JointFit) -> FreeTerms | None:
 
 def _one_more(terms: FreeTerms) -> Iterator[tuple[FreeTerms, Ints]]:
     """Yield the terms with one more kind of them, and the columns that these add."""
-    if terms.order < MAX_ORDER and not terms.imperfect:
+    if terms.imperfect:  # with all terms of the polynomial
+        return
+    if terms.order < MAX_ORDER:
         yield terms._replace(order=terms.order + 1), np.array([K + terms.order])
-    if not terms.imperfect:
-        yield FreeTerms(MAX_ORDER, imperfect=True), np.array(IMPERFECTIONS)
+    yield FreeTerms(MAX_ORDER, imperfect=True), np.array(IMPERFECTIONS)
 
 
 def _score(fit: JointFit, columns: Ints) -> float:
     """Return χ² of the gradient of fixed parameters."""
-    # Of the equations without the prior on these parameters, which is narrow until they are free.
-    free = fit.free
-    total = fit.equations[:, :-1] - np.diag(_prior_of_fixed(fit, columns))
+    information, by_others = _eliminated(fit, columns, fit.free)
     gradient = fit.equations[:, -1]
-    inverse = inverse_of_information(total[np.ix_(free, free)])
-    across = total[np.ix_(columns, free)] @ inverse
-    information = total[np.ix_(columns, columns)] - across @ total[np.ix_(free, columns)]
-    after = gradient[columns] - across @ gradient[free]
+    after = gradient[columns] - by_others @ gradient[fit.free]
     return float(after @ inverse_of_information(information) @ after) / fit.variance
 
 
-def _prior_of_fixed(fit: JointFit, columns: Ints) -> Array:
-    diagonal = np.zeros(len(fit.common))
-    diagonal[columns] = fit.typical[columns]
-    return diagonal
+def _eliminated(fit: JointFit, columns: Ints, others: Ints) -> tuple[Array, Array]:
+    """
+    Return the information about parameters (n, n) after others, m, are eliminated.
+
+    Without the prior on these parameters, which is narrow until they are free. Also return the
+    matrix (n, m) by which the elimination subtracts the equations of the others.
+    """
+    total = fit.equations[:, :-1].copy()
+    total[columns, columns] -= fit.typical[columns]
+    by_others = total[np.ix_(columns, others)] @ inverse_of_information(
+        total[np.ix_(others, others)]
+    )
+    information = total[np.ix_(columns, columns)] - by_others @ total[np.ix_(others, columns)]
+    return information, by_others
 
 
 def _without_needless(fit: JointFit) -> FreeTerms:
@@ -127,11 +133,7 @@ def _is_zero(fit: JointFit, columns: Ints) -> bool:
     """Return whether free parameters are as close to zero as their own variance allows."""
     # The score of the same test before they were freed, for a quadratic cost: with the
     # information of the data after elimination of the others, χ² = θᵀ S θ / σ².
-    total = fit.equations[:, :-1] - np.diag(_prior_of_fixed(fit, columns))
-    rest = np.setdiff1d(fit.free, columns)
-    across = total[np.ix_(columns, rest)]
-    inverse = inverse_of_information(total[np.ix_(rest, rest)])
-    information = total[np.ix_(columns, columns)] - across @ inverse @ across.T
+    information, _ = _eliminated(fit, columns, np.setdiff1d(fit.free, columns))
     at = fit.lens[columns]
     return bool(at @ information @ at < _FIXED[len(columns)] * fit.variance)
 

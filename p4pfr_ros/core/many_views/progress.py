@@ -33,6 +33,7 @@ from ..model.lens import (
     LENS_SIZE,
     linearise_rotated,
 )
+from ..model.observation import image_center_px
 
 # With a larger standard deviation of the focal length (relative), or of a projection, as a share
 # of the focal length, the camera is UNCALIBRATED.
@@ -49,9 +50,9 @@ _SOME_TILT_DEG = 15.0
 class Coverage:
     """The parts of the image in which points were seen, and the outermost of them."""
 
-    def __init__(self, image_size: tuple[int, int]) -> None:
+    def __init__(self, image_size: tuple[int, int], seen: Mask | bool = False) -> None:
         self._image_size = image_size
-        self.seen: Mask = np.zeros(COVERAGE_SHAPE, dtype=bool)
+        self.seen: Mask = np.zeros(COVERAGE_SHAPE, dtype=bool) | seen
 
     def add(self, pixels: Array) -> None:
         """Add points (N, 2), px of the image."""
@@ -61,14 +62,18 @@ class Coverage:
         y = np.clip((pixels[:, 1] + 0.5) * rows / height, 0, rows - 1).astype(int)
         self.seen[y, x] = True
 
-    def middles_px(self) -> Array:
-        """Return the middles (n, 2) of the parts in which points were seen."""
+    def pixels(self, center_px: tuple[float, float], radius_px: float) -> Array:
+        """Return the middles (n, 2) of the parts in which points were seen, within a radius."""
         rows, columns = COVERAGE_SHAPE
         width, height = self._image_size
         y, x = np.nonzero(self.seen)
-        return np.stack(
+        middles = np.stack(
             [(x + 0.5) * width / columns - 0.5, (y + 0.5) * height / rows - 0.5], axis=-1
         )
+        off = middles - center_px
+        radii = np.linalg.norm(off, axis=1, keepdims=True)
+        inside: Array = center_px + off * np.minimum(1.0, radius_px / np.maximum(radii, 1e-9))
+        return inside
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,9 +99,8 @@ def uncertainty_of(
     # Rounding may leave negative variances if the numbers are extreme.
     if not (variances >= 0.0).all() or not variances.max() < LARGEST_VARIANCE:
         return None
-    middle_px = (image_size[0] - 1.0) / 2.0, (image_size[1] - 1.0) / 2.0
-    camera = camera_from_lens(fit.lens, middle_px)
-    pixels = _within(coverage.middles_px(), camera.center_px, seen_radius_px)
+    camera = camera_from_lens(fit.lens, image_center_px(image_size))
+    pixels = coverage.pixels(camera.center_px, seen_radius_px)
     sigmas = projection_sigmas_px(camera, covariance, pixels)
     largest_px = float(sigmas.max(initial=0.0))
     # From one spot a turn of the camera explains all.
@@ -127,22 +131,31 @@ def state_of(
     return CalibrationState.CALIBRATED if calibrated else CalibrationState.CONVERGING
 
 
-def _within(pixels: Array, center_px: tuple[float, float], radius_px: float) -> Array:
-    """Return pixels, those farther from the centre than the radius moved towards it."""
-    off = pixels - center_px
-    radii = np.linalg.norm(off, axis=1, keepdims=True)
-    inside: Array = center_px + off * np.minimum(1.0, radius_px / np.maximum(radii, 1e-9))
-    return inside
-
-
-def projection_sigmas_px(camera: DivisionCamera, covariance: Array, pixels: Array) -> Array:
+def projection_sigmas_px(
+    camera: DivisionCamera, covariance: Array, pixels: Array, seen: Array | None = None
+) -> Array:
     """
     Return the standard deviations (n,) of projections at pixels (n, 2), in the worst direction.
 
     covariance (10, 10) of the camera, as that of ``CameraEstimate``. Error in the rotation of the
     camera is taken out: of D δ, the displacement by an error δ of the camera, the part R ω that a
-    turn ω explains, R (RᵀR)⁻¹ Rᵀ D δ.
+    turn ω explains, R (RᵀR)⁻¹ Rᵀ D δ. seen (m, 2): the pixels at which the turn explains most, by
+    default the same.
     """
+    turns, by_lens = _derivatives(camera, pixels)
+    seen_turns, seen_by_lens = (turns, by_lens) if seen is None else _derivatives(camera, seen)
+    by_lens = by_lens - turns @ np.linalg.lstsq(seen_turns, seen_by_lens, rcond=None)[0]
+    each = by_lens.reshape(len(pixels), 2, LENS_SIZE)
+    with np.errstate(all='ignore'):  # of extreme cameras it is infinite
+        variances = each @ covariance @ each.transpose(0, 2, 1)
+        a, b, d = variances[:, 0, 0], variances[:, 0, 1], variances[:, 1, 1]
+        largest = 0.5 * (a + d) + np.sqrt((0.5 * (a - d)) ** 2 + b**2)
+        sigmas: Array = np.nan_to_num(np.sqrt(np.maximum(largest, 0.0)), nan=np.inf)
+    return sigmas
+
+
+def _derivatives(camera: DivisionCamera, pixels: Array) -> tuple[Array, Array]:
+    """Return the derivatives of pixels by a turn (2 n, 3) and by the lens (2 n, 10)."""
     n = len(pixels)
     rays = camera.unproject(pixels)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
@@ -150,15 +163,7 @@ def projection_sigmas_px(camera: DivisionCamera, covariance: Array, pixels: Arra
     rows = np.empty((n, 2, LENS_END))
     _project_rows(rays, lens, pixels - camera.center_px, rows)
     flat = np.nan_to_num(rows.reshape(2 * n, LENS_END), posinf=0.0, neginf=0.0)
-    turns, by_lens = flat[:, :3], flat[:, LENS_END - LENS_SIZE :]
-    by_lens = by_lens - turns @ np.linalg.lstsq(turns, by_lens, rcond=None)[0]
-    each = by_lens.reshape(n, 2, LENS_SIZE)
-    with np.errstate(all='ignore'):  # of extreme cameras it is infinite
-        variances = each @ covariance @ each.transpose(0, 2, 1)
-        a, b, d = variances[:, 0, 0], variances[:, 0, 1], variances[:, 1, 1]
-        largest = 0.5 * (a + d) + np.sqrt((0.5 * (a - d)) ** 2 + b**2)
-        sigmas: Array = np.nan_to_num(np.sqrt(np.maximum(largest, 0.0)), nan=np.inf)
-    return sigmas
+    return flat[:, :3], flat[:, LENS_END - LENS_SIZE :]
 
 
 @jit

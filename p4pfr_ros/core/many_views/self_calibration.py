@@ -22,6 +22,7 @@ from .keyframes import (
     distance_to_views_px,
     fit_candidates,
     is_worth_a_fit,
+    marginalised,
     poses_of,
     unscaled_row,
     with_view,
@@ -34,7 +35,6 @@ from ..geometry import Array, POSE_SIZE
 from ..model.lens import camera_from_lens, FOCAL, lens_from_camera
 from ..model.observation import CenteredView, image_center_px, observe
 from ..model.prior import (
-    common_places,
     CommonPrior,
     FOCAL_SIGMA,
     FreeTerms,
@@ -196,7 +196,7 @@ class SelfCalibration:
         """
         observation = observe(image_points, board_points, stamp)
         view = observation.centered(self._middle_px, self.image_size)
-        candidate = Candidate(view, board, self._fit, self._camera, self.image_size, self.robust)
+        candidate = self._candidate(view, board)
         estimate = self._early_estimate(candidate) if on_pose else None
         if on_pose and estimate:
             on_pose(estimate)
@@ -208,6 +208,10 @@ class SelfCalibration:
         if self._verdict is Verdict.USED:
             self._try_rejected_again()
         return estimate
+
+    def _candidate(self, view: CenteredView, board: str) -> Candidate:
+        """Return a view to be compared with the present fit."""
+        return Candidate(view, board, self._fit, self._camera, self.image_size, self.robust)
 
     def _early_estimate(self, candidate: Candidate) -> PoseEstimate | None:
         """Return the estimate before the update; None if not calibrated, or the view disagrees."""
@@ -255,22 +259,20 @@ class SelfCalibration:
         self._counted: set[CenteredView] = set()
         self._fused = None
         prior, terms = CommonPrior.without_views(self._typical), FreeTerms()
-        frames = []
+        frames: list[BoardFrame] = []
         if loaded is not None:
             lens = lens_from_camera(loaded.camera, self._middle_px)
             terms = terms_of_lens(lens)
             prior = CommonPrior.of_calibration(
                 self._typical, lens, loaded.covariance, loaded.views
             ).with_scatter(loaded.scatter)
-            if loaded.coverage is not None:
-                self._coverage.seen[:] = loaded.coverage
-            else:
-                self._coverage.seen[:] = True
+            seen = True if loaded.coverage is None else loaded.coverage
+            self._coverage = Coverage(self.image_size, seen)
             half_diagonal_px = 0.5 * math.hypot(*self.image_size)
             self._seen_radius_px = loaded.seen_radius_px or half_diagonal_px
-            for i, (name, shape) in enumerate(loaded.board_shapes.items()):
-                prior = prior.known_shape(i, shape.numbers, shape.covariance)
-                frames.append(BoardFrame(name, shape.center, shape.half_extent))
+            shapes = loaded.board_shapes
+            prior = prior.known_shapes(shapes.values())
+            frames = [BoardFrame(n, each.center, each.half_extent) for n, each in shapes.items()]
         self._accept(fit_of_prior(prior, terms, tuple(frames)), prior)
 
     def _learn(self, candidate: Candidate) -> None:
@@ -307,14 +309,9 @@ class SelfCalibration:
         evaluated, fit = candidate.evaluated, self._fit
         if evaluated is None:
             return Verdict.REDUNDANT
-        prior = self._prior.for_boards(max(len(fit.boards), 1)).marginalise(
-            evaluated.information,
-            evaluated.gradient,
-            fit.common,
-            fit.variance,
-            common_places(evaluated.view.board),
+        prior = self._prior = marginalised(
+            self._prior, fit, evaluated.view, evaluated.information, evaluated.gradient
         )
-        self._prior = prior
         self._see(evaluated)
         fitted = self._fitted_prior.for_boards(prior.boards)
         added = fit.variance * (prior.information - fitted.information)
@@ -363,12 +360,12 @@ class SelfCalibration:
         excess = sum(min(one, _MOST_OF_ONE) for one in each)
         if not excess > _CHANGED_FOCAL:
             return
-        fit = fit_candidates(evidence, self._prior_of_boards)
+        prior = self._prior_of_boards
+        fit = fit_candidates(evidence, prior)
         log_ratio = abs(math.log(fit.lens[FOCAL] / self._fit.lens[FOCAL]))
         differs = excess > _CHANGED or log_ratio > _FOCAL_CHANGE
         as_sharp = fit.variance < _AS_SHARP * self._fit.variance
         if differs and (as_sharp or np.median(each) > _CHANGED_FOR_SURE):
-            prior = self._prior_of_boards
             self._start(None)
             self._accept(fit, prior)
             self._verdict = Verdict.RESTARTED
@@ -377,20 +374,16 @@ class SelfCalibration:
     def _prior_of_boards(self) -> CommonPrior:
         """The prior of a camera that has changed: the shapes of the boards stay."""
         prior = CommonPrior.without_views(self._typical).with_scatter(self._fit.scatter)
-        for i in range(len(self._fit.boards)):
-            if np.isfinite(self._fit.full_covariance).all():
-                shape = self._fit.shape(i)
-                prior = prior.known_shape(i, shape.numbers, shape.covariance)
-        return prior
+        if not np.isfinite(self._fit.full_covariance).all():
+            return prior
+        return prior.known_shapes(self._fit.shape(i) for i in range(len(self._fit.boards)))
 
     def _try_rejected_again(self) -> None:
         """Use a view that disagreed with an earlier estimate of the camera, but agrees now."""
         if not self._rejected:
             return
         old = self._rejected.popleft()
-        again = Candidate(
-            old.view, old.board, self._fit, self._camera, self.image_size, self.robust
-        )
+        again = self._candidate(old.view, old.board)
         joined = None
         if again.agrees and self._is_new(again, self._poses):
             joined = with_view(again, self._prior, self.options.max_views)

@@ -28,6 +28,10 @@ STRETCH, SKEW, WARP = 0, 1, 2
 # Standard deviations of real boards: paper is stretched by 0.1 %, paper and foam are bowed.
 SHAPE_SIGMAS = np.array([0.001, 0.001, 0.003, 0.003, 0.003, 0.002, 0.002, 0.002])
 
+# A shape is a polynomial: beyond the board's points by this share of the half size it is not
+# extrapolated.
+_BEYOND = 0.1
+
 # Heights are sampled on a grid of so many points along a side.
 _ALONG_A_SIDE = 21
 
@@ -123,6 +127,10 @@ class BoardShape:
         moved = displacement(basis_of(points, self.center, self.half_size), self.numbers)
         return np.pad(points, ((0, 0), (0, 1))) + self.half_size * moved
 
+    def covers(self, board_points: Array) -> bool:
+        """Return whether points (N, 2) of the specification are where the shape is known."""
+        return covers(board_points, self.center, self.half_extent)
+
     def _basis_of_heights(self) -> Array:
         """Return the polynomials of the height over the board, without their best plane."""
         x, y = (np.linspace(-half, half, _ALONG_A_SIDE) for half in self.half_extent)
@@ -131,6 +139,12 @@ class BoardShape:
         plane = np.column_stack([grid, np.ones(len(grid))])
         flat: Array = basis - plane @ np.linalg.lstsq(plane, basis, rcond=None)[0]
         return flat
+
+
+def covers(board_points: Array, center: Array, half_extent: Array) -> bool:
+    """Return whether points (N, 2) are within the extent of a board, or hardly outside."""
+    beyond = np.abs(board_points - center) - half_extent
+    return bool(beyond.max() <= _BEYOND * half_extent.max())
 
 
 def basis_of(board_points: Array, center: Array, half_size: float) -> Array:

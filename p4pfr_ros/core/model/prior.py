@@ -10,13 +10,14 @@ no longer fitted are marginalised: their information about lens and boards is ad
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from .board_shape import SHAPE_SIGMAS, SHAPE_SIZE
+from .board_shape import BoardShape, SHAPE_SIGMAS, SHAPE_SIZE
 from .lens import ASPECT, CX, CY, FOCAL, K, LENS_SIZE, P1, P2
 from ..geometry import Array, Ints
 from ..linalg import inverse_of_information
@@ -214,6 +215,13 @@ class CommonPrior:
         reference, information = prior.reference.copy(), prior.information.copy()
         reference[at], information[at, at] = numbers, inverse_of_information(covariance)
         return replace(prior, reference=reference, information=information)
+
+    def known_shapes(self, shapes: Iterable[BoardShape]) -> CommonPrior:
+        """Return the prior with the shapes of the first boards added."""
+        prior = self
+        for i, shape in enumerate(shapes):
+            prior = prior.known_shape(i, shape.numbers, shape.covariance)
+        return prior
 
     def without_board(self, board: int) -> CommonPrior:
         """Return the prior with what it says of a board's shape marginalised."""
