@@ -11,19 +11,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 from p4pfr_ros.boards.parts import (
-    check_border,
     check_counts,
-    check_dictionary,
     check_id,
-    check_inverted,
     check_lengths,
+    check_markers,
     check_name,
     checkerboard_squares,
     computed_once,
     grid_points,
     marker_corners_at,
+    WithoutMarkers,
 )
 from p4pfr_ros.boards.symmetry import turn_about_z
 from p4pfr_ros.core.geometry import Array, Pose
@@ -34,7 +32,7 @@ _MARGIN_IN_SQUARES = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Chessboard:
+class Chessboard(WithoutMarkers):
     """
     A chessboard; its points are the inner corners, row by row from the top left.
 
@@ -101,21 +99,6 @@ class Chessboard:
         quarter = self.columns == self.rows and self.columns % 2 == 0
         return tuple(turn_about_z(angle) for angle in ((90, 180, 270) if quarter else (180,)))
 
-    @property
-    def inverted(self) -> bool:
-        """Black on white; an inverted chessboard is a chessboard that begins with white."""
-        return False
-
-    @property
-    def marker_ids(self) -> tuple[int, ...]:
-        """No markers: ()."""
-        return ()
-
-    @property
-    def marker_corners(self) -> Array:
-        """No markers: (0, 4, 2)."""
-        return np.empty((0, 4, 2))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Charuco:
@@ -176,9 +159,7 @@ class Charuco:
                 f'legacy_pattern: expected true or false, got {self.legacy_pattern!r}'
             )
         check_id(self, 'first_id')
-        check_border(self)
-        check_inverted(self)
-        check_dictionary(self)
+        check_markers(self)
         check_name(self)
 
     @property

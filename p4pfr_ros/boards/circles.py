@@ -18,6 +18,7 @@ from p4pfr_ros.boards.parts import (
     check_name,
     computed_once,
     grid_points,
+    WithoutMarkers,
 )
 from p4pfr_ros.boards.symmetry import turn_about_z
 from p4pfr_ros.core.geometry import Array, Pose
@@ -27,7 +28,7 @@ _MARGIN_IN_SPACINGS = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CircleGrid:
+class CircleGrid(WithoutMarkers):
     """
     Black circles on white; the points are their centres, row by row from the top left.
 
@@ -119,21 +120,6 @@ class CircleGrid:
         return tuple(turn_about_z(angle) for angle in angles)
 
     @property
-    def inverted(self) -> bool:
-        """Black on white."""
-        return False
-
-    @property
     def black_squares(self) -> Array:
         """No squares: (0, 4)."""
         return np.empty((0, 4))
-
-    @property
-    def marker_ids(self) -> tuple[int, ...]:
-        """No markers: ()."""
-        return ()
-
-    @property
-    def marker_corners(self) -> Array:
-        """No markers: (0, 4, 2)."""
-        return np.empty((0, 4, 2))

@@ -15,12 +15,10 @@ import math
 
 import numpy as np
 from p4pfr_ros.boards.parts import (
-    check_border,
     check_counts,
-    check_dictionary,
     check_id,
-    check_inverted,
     check_lengths,
+    check_markers,
     check_name,
     check_numbers,
     computed_once,
@@ -101,9 +99,7 @@ class Marker(_CornerPoints):
     def __post_init__(self) -> None:
         check_id(self, 'id')
         check_lengths(self, 'size_m')
-        check_border(self)
-        check_inverted(self)
-        check_dictionary(self)
+        check_markers(self)
         check_name(self)
 
     @property
@@ -169,9 +165,7 @@ class MarkerGrid(_CornerPoints):
             raise ValueError('columns: expected at least two markers in total, got 1')
         check_lengths(self, 'marker_m', 'separation_m')
         check_id(self, 'first_id')
-        check_border(self)
-        check_inverted(self)
-        check_dictionary(self)
+        check_markers(self)
         check_name(self)
 
     @property
@@ -249,9 +243,7 @@ class AprilGrid(_CornerPoints):
                 f'spacing: expected a number above 0, up to 1 (of the tag), got {self.spacing!r}'
             )
         check_id(self, 'first_id')
-        check_border(self)
-        check_inverted(self)
-        check_dictionary(self)
+        check_markers(self)
         check_name(self)
 
     @property
@@ -367,9 +359,7 @@ class Bundle(_CornerPoints):
                 f'markers: expected white between any two, got {first} and {second}, which touch '
                 'or overlap'
             )
-        check_border(self)
-        check_inverted(self)
-        check_dictionary(self)
+        check_markers(self)
         check_name(self)
 
     @property

@@ -38,6 +38,27 @@ def computed_once(points: Callable[[BoardType], Array]) -> Callable[[BoardType],
     return copied
 
 
+class WithoutMarkers:
+    """Shared part of boards without markers, which are black on white."""
+
+    __slots__ = ()
+
+    @property
+    def inverted(self) -> bool:
+        """Black on white; an inverted chessboard is a chessboard that begins with white."""
+        return False
+
+    @property
+    def marker_ids(self) -> tuple[int, ...]:
+        """No markers: ()."""
+        return ()
+
+    @property
+    def marker_corners(self) -> Array:
+        """No markers: (0, 4, 2)."""
+        return np.empty((0, 4, 2))
+
+
 def grid_points(columns: int, rows: int, step_m: float) -> Array:
     """Return points (rows * columns, 2) centred on the origin, row by row from the top left."""
     x = (np.arange(columns) - 0.5 * (columns - 1)) * step_m
@@ -128,7 +149,14 @@ def check_id(board: Any, key: str) -> None:
         raise ValueError(f'{key}: expected an integer of at least 0, got {value!r}')
 
 
-def check_dictionary(board: Any) -> None:
+def check_markers(board: Any) -> None:
+    """Raise ValueError unless border, inversion and dictionary of a board's markers are valid."""
+    _check_border(board)
+    _check_inverted(board)
+    _check_dictionary(board)
+
+
+def _check_dictionary(board: Any) -> None:
     """Raise ValueError unless the name has the form of a dictionary name."""
     # detection/aruco.py checks that OpenCV has it; this package does not import OpenCV.
     if not isinstance(board.dictionary, str) or not board.dictionary.startswith('DICT_'):
@@ -138,7 +166,7 @@ def check_dictionary(board: Any) -> None:
         )
 
 
-def check_border(board: Any) -> None:
+def _check_border(board: Any) -> None:
     """Raise ValueError unless the width of the markers' black border is an integer, 1 to 4."""
     value = board.border_bits
     if not _is_integer(value) or not 1 <= value <= _WIDEST_BORDER:
@@ -147,7 +175,7 @@ def check_border(board: Any) -> None:
         )
 
 
-def check_inverted(board: Any) -> None:
+def _check_inverted(board: Any) -> None:
     """Raise ValueError unless inverted is True, False or 'any'."""
     value = board.inverted
     if not (isinstance(value, bool) or value == 'any'):

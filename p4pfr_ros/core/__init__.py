@@ -18,6 +18,6 @@ Start reading at ``one_view.estimate_pose`` and ``many_views.self_calibration``.
     a scaled board has its mean at the origin and a half-size of 1 (``model.observation``),
     a pose is an array (12,): rotation by rows, translation of the scaled board (``geometry``),
     a row is a pose with the camera (g, h) of one view (``minimal.solution``),
-    a lens is the camera (6,) of many views (``model.lens``),
+    a lens is the camera (10,) of many views (``model.lens``),
     the bend of a lens is k r², usually at the image's corner, r in focal lengths.
 """

@@ -196,7 +196,7 @@ def missing_views(
         more = options.min_views - views
         advice.append(f'{more} more different view{"s" if more > 1 else ""}')
     if uncertainty.center >= options.center_tolerance:
-        advice.append('turn the board or the camera by 90 degrees about the line of sight')
+        advice.append('rotate the camera or the board by 90 degrees about the optical axis')
     if uncertainty.focal >= options.focal_tolerance and len(advice) == 0:
         advice.append('tilt the board in other directions')
     if uncertainty.projection_px >= options.projection_tolerance_px and len(advice) == 0:

@@ -10,9 +10,9 @@ tell by how much; a pose that takes such a constant for true is wrong by many of
 deviations. So here each is a parameter with a prior: pose (6), lens (10) and deviations (6).
 
 The lens is parametrised such that its priors do not depend on each other: the logarithm of the
-focal length, the centre in pixels from the middle of the image, and the bends  bᵢ = kᵢ (R/f)²ⁱ
-at the distance R of the image's corner. A deviation is a multiple of its standard deviation, so
-its prior is N(0, 1).
+focal length, the centre in pixels from the middle of the image, the bends  bᵢ = kᵢ (R/f)²ⁱ  at
+the distance R of the image's corner, fy / fx - 1, and decentring. A deviation is a multiple of its
+standard deviation, so its prior is N(0, 1).
 
 This module stands alone because it is the model; ``full_fit`` minimises it.
 """
