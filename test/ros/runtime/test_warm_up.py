@@ -7,23 +7,26 @@ from pathlib import Path
 import subprocess
 import sys
 
-SCRIPT = """
+COMPILED = """
 import sys
-import moving
-from p4pfr_ros import DivisionCamera, estimate_pose
-from p4pfr_ros.core import jit
-from p4pfr_ros.ros.runtime.warm_up import warm_up
-from modes import fixed, FREEZE, Modes, options
 
 
 def compiled():
     kernels = {
         f'{name}.{kernel.__name__}': kernel
-        for name, module in sys.modules.items() if name.startswith('p4pfr_ros.core.')
+        for name, module in sys.modules.items() if name.startswith('p4pfr_ros.ROOM.')
         for kernel in vars(module).values() if hasattr(kernel, 'signatures')
     }
     return {(name, str(s)) for name, kernel in kernels.items() for s in kernel.signatures}
 
+"""
+
+SCRIPT = """
+import moving
+from p4pfr_ros import DivisionCamera, estimate_pose
+from p4pfr_ros.core import jit
+from p4pfr_ros.ros.runtime.warm_up import warm_up
+from modes import fixed, FREEZE, Modes, options
 
 warm_up()
 before = compiled()
@@ -44,36 +47,31 @@ print(len(before), sorted(compiled() - before))
 """
 
 
-def test_warm_up_compiles_all_kernels():
-    """Boards and markers, all modes and a zoom need no other kernel or signature."""
+def kernels_and_new(script, room, folder):
+    """Run a script; return how many kernels its warm-up left, and what was compiled after."""
     done = subprocess.run(
-        [sys.executable, '-c', SCRIPT],
-        cwd=Path(__file__).parents[1],
+        [sys.executable, '-c', COMPILED.replace('ROOM', room) + script],
+        cwd=folder,
         check=True,
         capture_output=True,
         text=True,
     )
     count, new = done.stdout.strip().split(' ', 1)
-    assert int(count) > 20
+    return int(count), new
+
+
+def test_warm_up_compiles_all_kernels():
+    """Boards and markers, all modes and a zoom need no other kernel or signature."""
+    count, new = kernels_and_new(SCRIPT, 'core', Path(__file__).parents[1])
+    assert count > 20
     assert new == '[]'
 
 
 DETECTION_SCRIPT = """
-import sys
 from board_views import BOARDS, CAMERAS, seen_from, SIZE
 from p4pfr_ros.detection import detect
 from p4pfr_ros.rendering import render
 from p4pfr_ros.ros.runtime.warm_up import warm_up_detection
-
-
-def compiled():
-    kernels = {
-        f'{name}.{kernel.__name__}': kernel
-        for name, module in sys.modules.items() if name.startswith('p4pfr_ros.detection.')
-        for kernel in vars(module).values() if hasattr(kernel, 'signatures')
-    }
-    return {(name, str(s)) for name, kernel in kernels.items() for s in kernel.signatures}
-
 
 warm_up_detection()
 before = compiled()
@@ -90,13 +88,6 @@ print(len(before), sorted(compiled() - before))
 
 def test_warm_up_compiles_all_kernels_of_detection():
     """Boards of all kinds, whole and in part, need no other kernel or signature."""
-    done = subprocess.run(
-        [sys.executable, '-c', DETECTION_SCRIPT],
-        cwd=Path(__file__).parents[2],
-        check=True,
-        capture_output=True,
-        text=True,
-    )
-    count, new = done.stdout.strip().split(' ', 1)
-    assert int(count) >= 7  # those that Python calls; from the cache, the others do not count
+    count, new = kernels_and_new(DETECTION_SCRIPT, 'detection', Path(__file__).parents[2])
+    assert count >= 7  # those that Python calls; from the cache, the others do not count
     assert new == '[]'
