@@ -26,15 +26,17 @@ def sequence(board, count=8):
 @pytest.mark.parametrize('name', ['chessboard', 'charuco', 'marker', 'marker_grid', 'circle_grid'])
 def test_a_sequence_gives_the_points_of_its_images_alone(name):
     """Or more: OpenCV's thresholds depend on the size of the image."""
-    if name == 'charuco' and cv2.__version__ < '4.7':
-        pytest.skip('the older ArUco interface misses a marker in the smaller image')
+    # The older ArUco interface misses a marker of this board in the smaller image.
+    misses = name == 'charuco' and cv2.__version__ < '4.7'
     board, before = BOARDS[name], None
     for image, _ in sequence(board):
         alone, near = detect(image, board), detect(image, board, near=before)
         assert len(alone.ids) >= 4
-        assert set(alone.ids.tolist()) <= set(near.ids.tolist())
+        assert misses or set(alone.ids.tolist()) <= set(near.ids.tolist())
         common = near.image_points[np.isin(near.ids, alone.ids)]
-        assert np.linalg.norm(common - alone.image_points, axis=1).max() < 0.05
+        there = alone.image_points[np.isin(alone.ids, near.ids)]
+        assert len(common) >= 4
+        assert np.linalg.norm(common - there, axis=1).max() < 0.05
         before = near
 
 

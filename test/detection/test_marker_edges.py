@@ -117,7 +117,6 @@ def test_a_marker_with_another_code_is_absent():
         assert refine_markers(image, truth[None], cells[None])[1] == OTHER_CODE
 
 
-@pytest.mark.skipif(cv2.__version__ < '4.7', reason='OpenCV 4.6 has fewer candidates: absent')
 @pytest.mark.parametrize('wall', [0.0, 100.0, 160.0])
 @pytest.mark.parametrize('margin_cells', [0.15, 0.25, 0.5, 1.0])
 @pytest.mark.parametrize('distance_m', [0.5, 1.0])
@@ -133,6 +132,8 @@ def test_a_marker_on_paper_with_a_narrow_margin_is_right_or_absent(margin_cells,
     image = cv2.GaussianBlur(cut * image + (1.0 - cut) * wall, (0, 0), 0.6)
     image += np.random.default_rng(4).normal(0.0, 1.5, image.shape)
     detection = detect(np.clip(image, 0, 255).astype(np.uint8), MARKER)
+    if detection.reason and cv2.__version__ < '4.7':
+        return  # it has fewer candidates: absent more often, but right where present
     if detection.reason:
         assert margin_cells * 70.0 / distance_m / 6.0 < 4.0, detection.reason  # pixels
         assert 'margin' in detection.reason
