@@ -54,7 +54,7 @@ INTERPRETED := test/core/minimal test/core/model test/core/cameras test/core/tes
 # DDS tests run last and alone, because their processes need the cores. They mostly wait, so two
 # modules run at a time, each in its own DDS domain.
 test: venv
-	$(BIN)/python -c 'from p4pfr_ros.ros.runtime.warm_up import *; warm_up(); warm_up_detection()' & compiler=$$!; \
+	$(BIN)/p4pfr compile & compiler=$$!; \
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 1 $(INTERPRETED); status=$$?; \
 	wait $$compiler && exit $$status
 	$(BIN)/python -m pytest -m 'not dds' -n auto --dist loadscope
@@ -78,5 +78,5 @@ opencv46:
 
 clean:
 	rm -rf $(VENV) .venv-colcon .venv-opencv46 .colcon build *.egg-info demo.png
-	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf p4pfr_ros/_kernels .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

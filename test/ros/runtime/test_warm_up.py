@@ -25,7 +25,7 @@ SCRIPT = """
 import moving
 from p4pfr_ros import DivisionCamera, estimate_pose
 from p4pfr_ros.core import jit
-from p4pfr_ros.ros.runtime.warm_up import warm_up
+from p4pfr_ros.kernels.warm_up import warm_up
 from modes import fixed, FREEZE, Modes, options
 
 warm_up()
@@ -71,7 +71,7 @@ DETECTION_SCRIPT = """
 from board_views import BOARDS, CAMERAS, seen_from, SIZE
 from p4pfr_ros.detection import detect
 from p4pfr_ros.rendering import render
-from p4pfr_ros.ros.runtime.warm_up import warm_up_detection
+from p4pfr_ros.kernels.warm_up import warm_up_detection
 
 warm_up_detection()
 before = compiled()
