@@ -39,6 +39,7 @@ $(MADE): setup.py
 	ln -sfn $(CURDIR)/resource/p4pfr_ros $(INDEX)/
 	ln -sfn $(CURDIR)/package.xml $(CURDIR)/config $(CURDIR)/launch $(VENV)/share/p4pfr_ros/
 	ln -sfn $(CURDIR)/scripts/* $(VENV)/lib/p4pfr_ros/
+	$(BIN)/p4pfr compile
 	touch $@
 
 demo: venv

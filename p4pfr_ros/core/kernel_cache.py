@@ -58,8 +58,9 @@ class _Locator(_CacheLocator):  # type: ignore[misc]
     """Tells Numba the names of a kernel's files, which contain the hash of its sources."""
 
     def __init__(self, source: Path) -> None:
-        module = '.'.join(source.relative_to(_PACKAGE).with_suffix('').parts)
-        self._name = f'{module}-{sources_digest(source)}'
+        is_ours = _PACKAGE in source.parents
+        module = source.relative_to(_PACKAGE) if is_ours else Path(source.name)
+        self._name = f'{".".join(module.with_suffix("").parts)}-{sources_digest(source)}'
 
     def get_cache_path(self) -> str:
         return ''  # see KernelCache
@@ -193,14 +194,18 @@ def _warn(problem: str) -> None:
 @functools.cache
 def sources_digest(source: Path, package: Path = _PACKAGE) -> str:
     """Return a short hash of a source and of all sources of the package that it may call."""
-    found, open_ends = {source}, [source]
+    is_ours = package in source.parents
+    # A source elsewhere, such as a test's, may call everything.
+    found = {source} if is_ours else {source, *package.rglob('*.py')}
+    open_ends = [source] if is_ours else []
     while open_ends:
         imported = _imports_of(open_ends.pop(), package) - found
         found |= imported
         open_ends += imported
     digest = hashlib.sha256()
     for each in sorted(found):
-        digest.update(f'{each.relative_to(package)}\n{_file_digest(each)}\n'.encode())
+        name = each.relative_to(package) if package in each.parents else each.name
+        digest.update(f'{name}\n{_file_digest(each)}\n'.encode())
     return digest.hexdigest()[:16]
 
 

@@ -65,7 +65,8 @@ def compile_all(report: Callable[[float], object], cache: Path | None = None) ->
         A process failed; the message has the end of its output.
 
     """
-    folder = kernel_folder() if cache is None else cache.absolute() / INSTALLED_FOLDER.name
+    cache = None if cache is None else cache.absolute()
+    folder = kernel_folder() if cache is None else cache / INSTALLED_FOLDER.name
     if folder is None or not jit.COMPILED:
         return None
     if (folder / _complete_name()).is_file():
@@ -197,9 +198,7 @@ def _work(
 
 def _lines_of(name: str, cache: Path | None) -> Iterator[str]:
     """Compile a part in a process; yield its lines of progress."""
-    environment = os.environ | (
-        {} if cache is None else {'NUMBA_CACHE_DIR': str(cache.absolute())}
-    )
+    environment = os.environ | ({} if cache is None else {'NUMBA_CACHE_DIR': str(cache)})
     path = os.pathsep.join([str(_PACKAGE.parent), *filter(None, [os.environ.get('PYTHONPATH')])])
     process = subprocess.Popen(
         [sys.executable, '-c', _START, name],

@@ -26,7 +26,7 @@ class LifecyclePoseNode(LifecycleNode):  # type: ignore[misc]
     Creates, starts, stops and destroys the pose pipeline on request.
 
     Parameters are declared at once. Configure loads the files, creates publishers and services
-    and compiles the kernels; activate subscribes, deactivate unsubscribes; cleanup destroys
+    and loads the kernels; activate subscribes, deactivate unsubscribes; cleanup destroys
     everything, including a calibration that was not saved.
 
     Parameters

@@ -26,7 +26,7 @@ from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.images import write_image
 from p4pfr_ros.files.writing import check_writable
 from p4pfr_ros.files.yaml_fields import ConfigError
-from p4pfr_ros.kernels.processes import compile_with_progress
+from p4pfr_ros.kernels.processes import are_compiled, compile_with_progress
 from p4pfr_ros.rendering import render
 from p4pfr_ros.report.drawing import annotate, straighten
 from p4pfr_ros.scenes.board_path import SimulatedPath
@@ -108,7 +108,8 @@ def _run(console: Console, record: Record, duration_s: float) -> list[str]:
 def _compile(console: Console, board: Board) -> None:
     """Compile all kernels once; otherwise each of the three processes would compile them."""
     console.print('preparing')
-    compile_with_progress()
+    if not are_compiled():
+        compile_with_progress()
     render(board, CAMERA, SimulatedPath(board, IMAGE_SIZE, 0).at(0.0, CAMERA), IMAGE_SIZE)
 
 

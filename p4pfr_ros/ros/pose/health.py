@@ -173,8 +173,8 @@ class Health:
     Records the events of a node and derives its status; it does not use ROS.
 
     Recording an event takes a microsecond or two; numbers are formatted in ``status``. All
-    ``now_s`` are seconds of one steady clock. Before ``status``, set ``enabled`` to the parameter's
-    value, ``pending`` to what the node waits for, and ``missing`` to the calibration's advice.
+    ``now_s`` are seconds of one steady clock. Before ``status``, set ``enabled`` to the value of
+    the parameter, ``pending`` to what the node waits for, ``missing`` to the calibration's advice.
     """
 
     def __init__(self, now_s: float) -> None:
