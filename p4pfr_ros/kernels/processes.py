@@ -153,7 +153,7 @@ def _complete_name() -> str:
 @functools.cache
 def _digests() -> frozenset[str]:
     """Return the hashes in the names of all kernels."""
-    folders = (_PACKAGE / 'core', _PACKAGE / 'detection')
+    folders = (_PACKAGE / room for room in ('core', 'detection', 'rendering'))
     return frozenset(sources_digest(file) for folder in folders for file in folder.rglob('*.py'))
 
 

@@ -9,11 +9,20 @@ from collections.abc import Callable
 import gc
 
 import numpy as np
-from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose, SelfCalibration
+from p4pfr_ros import (
+    DivisionCamera,
+    estimate_pose,
+    EstimateOptions,
+    Pose,
+    SelfCalibration,
+    solve_p4pfr,
+    solve_p4pfr_batch,
+)
 from p4pfr_ros.boards import Chessboard, Marker
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
 from p4pfr_ros.detection.aruco import marker_cells
+from p4pfr_ros.rendering import render
 
 _CAMERA = DivisionCamera(520.0, (319.5, 239.5), -0.2)
 _SIZE = (640, 480)
@@ -81,6 +90,16 @@ def _calibrate() -> None:
         calibration.update(image, _BOARD)
 
 
+def _solve() -> None:
+    image_points = _view(_FACING @ _rotated(_TILTS[0]))[_CORNERS] - _CAMERA.center_px
+    solve_p4pfr(image_points, _BOARD[_CORNERS])
+    solve_p4pfr_batch(image_points[None], _BOARD[_CORNERS][None])
+
+
+def _render() -> None:
+    render(Chessboard(columns=3, rows=4, square_m=0.05), _CAMERA, _FACING, _SIZE)
+
+
 # What separate processes compile: the beginnings of the modules' names, and what calls them.
 PARTS: dict[str, tuple[tuple[str, ...], Callable[[], None]]] = {
     'search': (
@@ -100,6 +119,8 @@ PARTS: dict[str, tuple[tuple[str, ...], Callable[[], None]]] = {
     ),
     'calibration': (('p4pfr_ros.core.many_views', 'p4pfr_ros.core.model.uncertainty'), _calibrate),
     'detection': (('p4pfr_ros.detection',), warm_up_detection),
+    'minimal': (('p4pfr_ros.core.minimal',), _solve),
+    'rendering': (('p4pfr_ros.rendering',), _render),
 }
 
 

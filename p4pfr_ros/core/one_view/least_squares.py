@@ -279,13 +279,12 @@ def covariance_from(
         for b in range(COVARIANCE_SIZE):
             covariance[a, b] = 0.0
     invert_information(normal, unknowns, system, covariance)
-    # T C Tᵀ, row by row: T on the rows of C, which is symmetric, and on the columns after that.
-    for turn in range(2):
-        for j in range(COVARIANCE_SIZE):
-            _to_public(covariance[j], row, board_scale)
-        for a in range(COVARIANCE_SIZE if turn == 0 else 0):
-            for b in range(a):
-                covariance[a, b], covariance[b, a] = covariance[b, a], covariance[a, b]
+    # T C Tᵀ = T (T C)ᵀ, as C is symmetric: rows are contiguous, columns are not.
+    _rows_to_public(covariance, row, board_scale)
+    for a in range(COVARIANCE_SIZE):
+        for b in range(a):
+            covariance[a, b], covariance[b, a] = covariance[b, a], covariance[a, b]
+    _rows_to_public(covariance, row, board_scale)
     for a in range(COVARIANCE_SIZE):
         for b in range(a + 1):
             mean = 0.5 * variance * (covariance[a, b] + covariance[b, a])
@@ -293,8 +292,10 @@ def covariance_from(
 
 
 @kernel
-def _to_public(v: Array, row: Array, board_scale: tuple[float, float, float]) -> None:
-    """Convert changes of (ω, t of the scaled board, g, h) to those of (t, ω, f, k), in place."""
-    pose_to_public(v, row, board_scale)
-    # k = g h.
-    v[COV_K] = row[H] * v[COV_FOCAL] + row[G] * v[COV_K]
+def _rows_to_public(matrix: Array, row: Array, board_scale: tuple[float, float, float]) -> None:
+    """Convert rows, changes of (ω, t of the scaled board, g, h), to those of (t, ω, f, k)."""
+    for i in range(COVARIANCE_SIZE):
+        v = matrix[i]
+        pose_to_public(v, row, board_scale)
+        # k = g h.
+        v[COV_K] = row[H] * v[COV_FOCAL] + row[G] * v[COV_K]
