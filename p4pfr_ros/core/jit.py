@@ -40,7 +40,7 @@ COMPILED = numba is not None and not numba.config.DISABLE_JIT
 # Division by zero gives inf or NaN, as in C, and the kernels check their results: raising would
 # cost a branch per division. No fast maths: interpreted and compiled code give the same bits.
 # Nothing calls a kernel from C.
-_OPTIONS = {'error_model': 'numpy', 'nogil': True, 'no_cfunc_wrapper': True}
+_OPTIONS: dict[str, Any] = {'error_model': 'numpy', 'nogil': True, 'no_cfunc_wrapper': True}
 
 # Calls from Python compile a kernel that is not there yet; otherwise they interpret it.
 _only_modules: tuple[str, ...] = ('',)
@@ -70,6 +70,15 @@ def reducing_kernel(function: Function) -> Function:
     return _compiled(function, **_OPTIONS, _nrt=False, fastmath={'reassoc', 'contract', 'nsz'})
 
 
+def vectorised_kernel(function: Function) -> Function:
+    """
+    Compile as ``kernel`` does a hot loop over columns, which LLVM vectorises by itself.
+
+    As a part of a large function it might unroll the loop instead, which is slower by half.
+    """
+    return _compiled(function, _by_itself=True, **_OPTIONS, _nrt=False)
+
+
 def part_of_kernel(function: Function) -> Function:
     """
     Mark a function that one kernel calls, in one place, or that is a few lines: it is copied.
@@ -96,7 +105,7 @@ def others_interpret() -> Iterator[None]:
         _only_thread = None
 
 
-def _compiled(function: Function, **options: Any) -> Function:
+def _compiled(function: Function, _by_itself: bool = False, **options: Any) -> Function:
     if not COMPILED:
         return _interpreted(function)
     compiled: Any = numba.njit(**options)(function)
@@ -106,7 +115,8 @@ def _compiled(function: Function, **options: Any) -> Function:
     compiled._compile_for_args = functools.partial(_compile_or_interpret, compiled, function)
     if 'inline' not in options:
         # What another kernel calls when it calls this one.
-        called = numba.njit(pipeline_class=_CalledCompiler, **options)(function)
+        compiler = _ByItselfCompiler if _by_itself else _CalledCompiler
+        called = numba.njit(pipeline_class=compiler, **options)(function)
         compiled.get_call_template = functools.partial(_call_template, called)
         compiled.get_overload = called.get_overload
     return cast(Function, compiled)
@@ -148,14 +158,24 @@ elif COMPILED:
     class _CalledCompiler(CompilerBase):  # type: ignore[misc]
         """Compiles a kernel as a part of others: to LLVM's code, without a door for Python."""
 
+        optimises = False
+
         def define_pipelines(self) -> Any:
             state = self.state
             state.flags.no_cpython_wrapper = True
             state.library = _CalledLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+            state.library.optimises = self.optimises
             return [DefaultPassBuilder.define_nopython_pipeline(state)]
 
+    class _ByItselfCompiler(_CalledCompiler):
+        """Compiles a kernel likewise, and optimises it."""
+
+        optimises = True
+
     class _CalledLibrary(JITCodeLibrary):  # type: ignore[misc]
-        """The code of a kernel that LLVM neither optimises nor makes machine code of."""
+        """The code of a kernel of which LLVM makes no machine code; mostly not optimised."""
+
+        optimises = False
 
         @property
         def codegen(self) -> Any:
@@ -166,10 +186,13 @@ elif COMPILED:
             return 0
 
         def _optimize_functions(self, ll_module: Any) -> None:
+            if self.optimises:
+                super()._optimize_functions(ll_module)
             ll_module.data_layout = self._codegen._data_layout
 
         def _optimize_final_module(self) -> None:
-            pass
+            if self.optimises:
+                super()._optimize_final_module()
 
         def _finalize_final_module(self) -> None:
             self._finalize_dynamic_globals()

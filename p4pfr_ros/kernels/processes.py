@@ -200,7 +200,8 @@ def _lines_of(name: str, cache: Path | None) -> Iterator[str]:
     """Compile a part in a process; yield its lines of progress."""
     environment = os.environ | ({} if cache is None else {'NUMBA_CACHE_DIR': str(cache)})
     path = os.pathsep.join([str(_PACKAGE.parent), *filter(None, [os.environ.get('PYTHONPATH')])])
-    process = subprocess.Popen(
+    others = []
+    with subprocess.Popen(
         [sys.executable, '-c', _START, name],
         env=environment | {'PYTHONPATH': path},
         stdin=subprocess.DEVNULL,
@@ -208,16 +209,16 @@ def _lines_of(name: str, cache: Path | None) -> Iterator[str]:
         stderr=subprocess.STDOUT,
         text=True,
         errors='replace',
-    )
-    atexit.register(process.kill)
-    others = []
-    assert process.stdout is not None
-    for line in process.stdout:
-        if line == _COMPILED:
-            yield line
-        else:
-            others.append(line)
-    status = process.wait()
+    ) as process:
+        # If this process ends before; after a kill, the next line finds no reader and ends it.
+        atexit.register(process.kill)
+        assert process.stdout is not None
+        for line in process.stdout:
+            if line == _COMPILED:
+                yield line
+            else:
+                others.append(line)
     atexit.unregister(process.kill)
-    if status:
-        raise RuntimeError(f'compiling {name}: exit status {status}: {"".join(others[-20:])}')
+    if process.returncode:
+        text = ''.join(others[-20:])
+        raise RuntimeError(f'compiling {name}: exit status {process.returncode}: {text}')

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry import Array, Ints, POSE_SIZE, TRANSLATION
-from ..jit import jit, kernel
+from ..jit import jit, kernel, vectorised_kernel
 from ..linalg import copy_row, rotate, solve_in_place
 from ..model.board_shape import SHAPE_SIZE, SKEW, STRETCH, WARP
 from ..model.lens import (
@@ -343,7 +343,7 @@ def view_block(
     return cost
 
 
-@kernel
+@vectorised_kernel
 def _add_rows(rows: Array, block: Array) -> None:
     """Add JᵀJ and Jᵀr of eight rows to the upper triangle, and to some of the lower."""
     for a in range(8):
