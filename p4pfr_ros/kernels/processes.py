@@ -116,6 +116,8 @@ def compile_part(name: str) -> None:
     import numba.core.event
 
     class Counter(numba.core.event.Listener):  # type: ignore[misc]
+        """Prints a line for each function."""
+
         def on_start(self, _: Any) -> None:
             pass
 
