@@ -77,9 +77,12 @@ def compile_all(report: Callable[[float], object], cache: Path | None = None) ->
         for count, _ in enumerate(_compiled_functions(cache), start=1):
             report(min(count / _FUNCTIONS, 0.99))
     else:
-        for file in stored.glob('*.nb*'):
-            if any(digest in file.name for digest in _digests()):
-                shutil.copy(file, folder)
+        for file in filter(_is_current, stored.glob('*.nb*')):
+            shutil.copy(file, folder)
+    if folder == INSTALLED_FOLDER:  # of these sources alone; others may share a user's cache
+        for file in folder.iterdir():
+            if not _is_current(file):
+                file.unlink()
     (folder / _complete_name()).touch()
     report(1.0)
     return folder
@@ -157,6 +160,11 @@ def _digests() -> frozenset[str]:
     """Return the hashes in the names of all kernels."""
     folders = (_PACKAGE / room for room in ('core', 'detection', 'rendering'))
     return frozenset(sources_digest(file) for folder in folders for file in folder.rglob('*.py'))
+
+
+def _is_current(file: Path) -> bool:
+    """Return whether a file has a kernel of these sources."""
+    return any(digest in file.name for digest in _digests())
 
 
 def _compiled_functions(cache: Path | None) -> Iterator[str]:
