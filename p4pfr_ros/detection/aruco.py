@@ -23,6 +23,10 @@ from p4pfr_ros.core.geometry import Array, Ints, Mask
 # OpenCV's type stubs cover the classes only. OpenCV 4.6 without contrib has no such module.
 _aruco: Any = getattr(cv2, 'aruco', None)
 _HAS_CLASSES = hasattr(_aruco, 'ArucoDetector')
+# OpenCV drops outlines that touch the border of the image. Since 4.12 it does so after it has
+# grouped each marker with the outlines around it: a sheet of paper that touches the border, of a
+# search window for instance, takes its marker along.
+_DROPS_GROUPS = tuple(int(part) for part in cv2.__version__.split('.')[:2]) >= (4, 12)
 
 # Side of the smallest markers that are searched, pixels. OpenCV's own limit is a share of the
 # image, which loses small markers in large images.
@@ -156,9 +160,8 @@ def detect_markers(
     parameters.minMarkerPerimeterRate = _LEAST_PERIMETER * min_marker_px / max(grey.shape)
     parameters.markerBorderBits = border_bits
     parameters.detectInvertedMarker = with_inverted
-    # OpenCV drops what touches the border of the image after it has grouped each marker with the
-    # outlines around it, so a sheet of paper that touches it takes its marker along.
-    parameters.minDistanceToBorder = 0
+    if _DROPS_GROUPS:
+        parameters.minDistanceToBorder = 0
     if _HAS_CLASSES:
         detector = _aruco.ArucoDetector(codes, parameters)
         corners, found, quads = detector.detectMarkers(grey)

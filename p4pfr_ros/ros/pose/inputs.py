@@ -351,8 +351,11 @@ def _left_out(
 
 def _outside_px(points_px: Array, image_size: tuple[int, int]) -> Array:
     """Return the distances of points (..., 2) from the image; 0 inside."""
-    nearest = np.clip(points_px, -0.5, np.array(image_size) - 0.5)
-    return np.asarray(np.linalg.norm(points_px - nearest, axis=-1))
+    x, y = points_px[..., 0], points_px[..., 1]
+    width, height = image_size
+    beyond_x = np.maximum(np.maximum(-0.5 - x, x - (width - 0.5)), 0.0)
+    beyond_y = np.maximum(np.maximum(-0.5 - y, y - (height - 0.5)), 0.0)
+    return np.hypot(beyond_x, beyond_y)
 
 
 def _where(observation: BoardObservation, index: int) -> str:

@@ -71,6 +71,10 @@ class Outputs:
             or self._scene.is_awaited(options)
         )
 
+    def draws_points(self) -> bool:
+        """Return whether an output shows the points of the board in space."""
+        return self._scene.draws_points()
+
     def _needs_camera(self) -> bool:
         return self._cameras.has_subscribers() or self._synced.is_awaited()
 
@@ -281,13 +285,17 @@ class SceneOutputs:
 
     def is_awaited(self, options: PoseNodeOptions) -> bool:
         """Return whether markers have a subscriber; /tf is assumed to have one."""
-        return options.publish_tf or has_subscribers(self._markers)
+        return options.publish_tf or self.draws_points()
+
+    def draws_points(self) -> bool:
+        """Return whether ``~/markers`` has a subscriber."""
+        return has_subscribers(self._markers)
 
     def publish(
         self, observation: BoardObservation, estimate: PoseEstimate, options: PoseNodeOptions
     ) -> None:
         """Publish an estimate; without a model, delete the markers of the board."""
-        if has_subscribers(self._markers):
+        if self.draws_points():
             self._markers.publish(_markers(observation, estimate, options))
         model, observable = estimate.model, estimate.observable
         if options.publish_tf and model and observable.direction and observable.distance:

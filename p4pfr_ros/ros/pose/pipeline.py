@@ -168,7 +168,8 @@ class PosePipeline:
         if isinstance(camera, Rejected):
             self._reporter.reject(camera)
             return
-        observation = on_real_board(camera, observation)
+        if self._outputs.draws_points():
+            observation = on_real_board(camera, observation)
         publish = functools.partial(self._publish, observation, options, received_s)
         estimate = estimate_with(camera, observation, options, self._check, on_pose=publish)
         in_use = camera_to_publish(camera, estimate, options.intrinsics.mode)
