@@ -160,8 +160,6 @@ def detect_markers(
     parameters.minMarkerPerimeterRate = _LEAST_PERIMETER * min_marker_px / max(grey.shape)
     parameters.markerBorderBits = border_bits
     parameters.detectInvertedMarker = with_inverted
-    if _DROPS_GROUPS:
-        parameters.minDistanceToBorder = 0
     if _HAS_CLASSES:
         detector = _aruco.ArucoDetector(codes, parameters)
         corners, found, quads = detector.detectMarkers(grey)
@@ -200,7 +198,12 @@ def _part_of_dictionary(name: str, ids: tuple[int, ...]) -> Any:
 
 
 def _parameters() -> Any:
-    return _aruco.DetectorParameters() if _HAS_CLASSES else _aruco.DetectorParameters_create()
+    if not _HAS_CLASSES:
+        return _aruco.DetectorParameters_create()
+    parameters = _aruco.DetectorParameters()
+    if _DROPS_GROUPS:
+        parameters.minDistanceToBorder = 0
+    return parameters
 
 
 @lru_cache(maxsize=32)
