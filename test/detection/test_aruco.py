@@ -37,7 +37,7 @@ def test_an_image_of_a_markers_cells_is_detected(name):
 @pytest.mark.parametrize('white_px', [10, 20])
 @pytest.mark.parametrize('grey_px', [1, 2])
 def test_a_sheet_that_touches_the_border_does_not_take_its_marker_along(white_px, grey_px):
-    """OpenCV groups the outlines of marker and sheet, and drops the group with the sheet."""
+    """The outlines of marker and sheet are a group to OpenCV, which it drops with the sheet."""
     cells = marker_cells('DICT_APRILTAG_36h11', 17)
     image = np.pad(enlarged(cells, 10, white_px), grey_px, constant_values=110)
     corners, ids, _ = detect_markers(image, 'DICT_APRILTAG_36h11')

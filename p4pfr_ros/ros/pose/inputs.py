@@ -29,11 +29,7 @@ from ..conversions import (
     ImageFrame,
     model_from_msg,
 )
-from ..parameters.pose_options import (
-    DetectionsOptions,
-    ImageOptions,
-    PoseNodeOptions,
-)
+from ..parameters.pose_options import DetectionsOptions, ImageOptions, PoseNodeOptions
 from ..runtime.rejections import Notice, Rejected
 
 _NO_SIZE = Rejected(

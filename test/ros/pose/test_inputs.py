@@ -151,7 +151,7 @@ def _cut_by_the_left_rim(corners, outside_px):
 
 @pytest.mark.parametrize('topic', ['corners', 'detections', 'tag_detections'])
 def test_a_tag_that_the_rim_cuts_is_used_up_to_half_its_side(inputs, topic):
-    """AprilTag's library extrapolates the corners outside; farther out they are wrong."""
+    """The library of AprilTag extrapolates corners outside; farther out they are wrong."""
     corners = scenes.project(scenes.ARUCO)
     half_px = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).mean() / 2.0
     for share, is_rejected in ((0.0, False), (0.3, False), (0.99, False), (1.01, True)):
