@@ -39,7 +39,7 @@ setup(
         (SHARE, ['package.xml']),
         (
             f'{SHARE}/config',
-            [p for kind in ('yaml', 'rviz', 'json') for p in glob(f'config/*.{kind}')],
+            [p for kind in ('yaml', 'rviz', 'json', 'xml') for p in glob(f'config/*.{kind}')],
         ),
         (f'{SHARE}/config/boards', glob('config/boards/*.yaml')),
         (f'{SHARE}/launch', glob('launch/*.launch.py')),

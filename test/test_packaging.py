@@ -31,7 +31,7 @@ ROSDEP = {
     'yaml': 'python3-yaml',
 }
 # Optional dependencies that are in no package.xml.
-OPTIONAL = {'apriltag_msgs', 'rosbags'}
+OPTIONAL = {'apriltag_msgs', 'isaac_ros_apriltag_interfaces', 'rosbags'}
 COME_WITH_RCLPY = {
     'ament_index_python',
     'builtin_interfaces',

@@ -25,9 +25,10 @@ class LifecyclePoseNode(LifecycleNode):  # type: ignore[misc]
     """
     Creates, starts, stops and destroys the pose pipeline on request.
 
-    Parameters are declared at once. Configure loads the files, creates publishers and services
-    and compiles the kernels; activate subscribes, deactivate unsubscribes; cleanup destroys
-    everything, including a calibration that was not saved.
+    Parameters are declared at once; those that are read-only in pose_node can be changed while the
+    node is unconfigured. Configure loads the files, creates publishers and services and compiles
+    the kernels; activate subscribes, deactivate unsubscribes; cleanup destroys everything,
+    including a calibration that was not saved.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ class LifecyclePoseNode(LifecycleNode):  # type: ignore[misc]
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__('lifecycle_pose_node', **node_options)
-        self._config = Parameters(self, PoseNodeOptions())
+        self._config = Parameters(self, PoseNodeOptions(), managed=True)
         self._pipeline: PosePipeline | None = None
         self._was_activated = False
         self.get_logger().info('ready to be configured')

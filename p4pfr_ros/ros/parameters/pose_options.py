@@ -127,7 +127,7 @@ class MarkerOptions:
 
 @dataclass(frozen=True, slots=True)
 class DetectionsOptions:
-    """Conventions of the tags on the topic ``detections``; the defaults are apriltag_ros's."""
+    """Conventions of the tags on the topic of that name; the defaults are its detector's."""
 
     corner_order: str = parameter(
         'apriltag_ccw_from_bottom_left',
@@ -188,9 +188,9 @@ class PoseNodeOptions:
     )
     board_file: str = parameter(
         '',
-        'Path of the YAML file with the boards on the topics correspondences and detections; the '
-        'names of the boards are their frames. With several boards, each has its own topics, such '
-        'as ~/NAME/pose. Empty: one board without a name.',
+        'Path of the YAML file with the boards on the topics correspondences, detections and '
+        'tag_detections; the names of the boards are their frames. With several boards, each has '
+        'its own topics, such as ~/NAME/pose. Empty: one board without a name.',
         read_only=True,
     )
     board_frame: str = parameter(
@@ -229,6 +229,7 @@ class PoseNodeOptions:
     )
     marker: MarkerOptions = field(default_factory=MarkerOptions)
     detections: DetectionsOptions = field(default_factory=DetectionsOptions)
+    tag_detections: DetectionsOptions = DetectionsOptions('aruco_cw_from_top_left', 0.0)
     image: ImageOptions = field(default_factory=ImageOptions)
     robust: EstimateOptions = NODE_ESTIMATE
 
