@@ -204,16 +204,26 @@ def calibration_path(calibration_file: str, camera_name: str) -> Path:
     Raises
     ------
     ConfigError
-        It is a URL of another scheme.
+        It is a URL of another scheme, or there is no home directory to expand ``~``.
 
     """
-    ros_home = os.environ.get('ROS_HOME') or str(Path.home() / '.ros')
+    ros_home = os.environ.get('ROS_HOME') or str(_home() / '.ros')
     given = calibration_file or f'{ros_home}/camera_info/{camera_name}.yaml'
     path = unquote(given.removeprefix(_FILE_URL)) if given.startswith(_FILE_URL) else given
     if '://' in path:
         raise ConfigError(f'calibration_file: expected a path or a file:// URL, got {given!r}')
     expanded = path.replace('${ROS_HOME}', ros_home).replace('${NAME}', camera_name)
-    return Path(expanded).expanduser()
+    try:
+        return Path(expanded).expanduser()
+    except RuntimeError as error:
+        raise ConfigError(f'calibration_file: {expanded}: {error}') from None
+
+
+def _home() -> Path:
+    try:
+        return Path.home()
+    except RuntimeError:  # HOME is not set, and the user ID is in no database
+        return Path('/')
 
 
 def _summary(estimate: CameraEstimate) -> str:
