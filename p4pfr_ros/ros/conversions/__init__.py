@@ -20,6 +20,7 @@ from .cameras import (
     image_frame_from_msg,
     ImageFrame,
     LARGEST_IMAGE_PX,
+    model_assumption,
     model_from_msg,
 )
 from .correspondences import (
@@ -50,6 +51,7 @@ __all__ = [
     'image_from_compressed',
     'image_from_msg',
     'image_msg',
+    'model_assumption',
     'model_from_msg',
     'pose_array_msg',
     'pose_from_msg',
