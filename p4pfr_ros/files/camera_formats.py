@@ -131,8 +131,8 @@ def _model_name(fields: Fields) -> tuple[str, str]:
 def _selected(fields: Fields, cameras: list[Any], camera_name: str) -> str:
     """Return the key of a camera of Kalibr's chain: the only one, or by its key or topic."""
     for key in cameras:
-        topic = fields.section(key).values.get('rostopic')
-        if len(cameras) == 1 or camera_name in (key, *str(topic).split('/')):
+        topic = str(fields.section(key).values.get('rostopic', '')).strip('/')
+        if len(cameras) == 1 or (camera_name and camera_name in (key, *topic.split('/'))):
             return str(key)
     listed = ', '.join(cameras)
     raise ValueError(
@@ -188,6 +188,8 @@ def _image_size(fields: Fields) -> tuple[int, int]:
 
 def _size_from(fields: Fields, key: str) -> tuple[int, int]:
     size = fields.values.get(key)
+    if isinstance(size, dict):  # an array of OpenCV
+        size = size.get('data')
     if not isinstance(size, list) or len(size) != 2:
         raise fields.error(key, 'width and height')
     sides = Fields({'width': size[0], 'height': size[1]}, fields.path_of(key))
@@ -240,13 +242,13 @@ def _coefficients(fields: Fields, key: str) -> tuple[tuple[float, ...], str]:
     if isinstance(given, list):
         return _flat(fields, key), fields.path_of(key)
     matrix = fields.section(key)
-    rows, columns = (matrix.values.get(name) for name in ('rows', 'cols'))
     data = () if matrix.values.get('data', ...) is None else matrix.numbers('data')
-    sides = sorted(side for side in (rows, columns) if isinstance(side, int))
-    if len(sides) != 2 or sides[0] > 1 or sides[0] * sides[1] != len(data):
-        raise matrix.error(
-            'cols', f'rows and cols of a row or column of {len(data)}, the length of data'
-        )
+    sides = [matrix.values.get(name) for name in ('rows', 'cols')]
+    # OpenCV writes an array of one dimension with sizes.
+    if matrix.values.get('sizes') != [len(data)] and not (
+        sides in ([1, len(data)], [len(data), 1]) or (not data and 0 in sides)
+    ):
+        raise matrix.error('cols', f'1x{len(data)} or {len(data)}x1, the length of data')
     return data, matrix.path_of('data')
 
 

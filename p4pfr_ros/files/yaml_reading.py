@@ -42,10 +42,10 @@ else:
 
 
 _MAX_BYTES = 10_000_000
-_MAX_VALUES = 100_000
+_MAX_VALUES = 50_000
 _MAX_LEVELS = 20
 _MAX_DIGITS = 100
-_MAX_DIRECTIVES = 10
+_MAX_DIRECTIVES = _MAX_DOCUMENTS = 10
 _MAX_PROBLEM = 60
 
 _MERGE = 'tag:yaml.org,2002:merge'
@@ -147,15 +147,17 @@ def _parsed(text: str) -> object:
         text = _DIRECTIVE.sub('', text, count=1)
     if len(re.findall(r'^%', text, re.MULTILINE)) > _MAX_DIRECTIVES:
         raise yaml.YAMLError(f'more than {_MAX_DIRECTIVES} directives')
-    loader, trees = _Loader(text), []
+    loader, trees, documents = _Loader(text), [], 0
     try:
         while loader.check_data():  # type: ignore[no-untyped-call]
-            trees.append(loader.get_data())
+            tree = loader.get_data()
+            documents += 1
+            if tree is not None:
+                trees.append(tree)
+            if len(trees) > 1 or documents > _MAX_DOCUMENTS:
+                raise yaml.YAMLError('one document, got several')
     finally:
         loader.dispose()
-    trees = [tree for tree in trees if tree is not None]
-    if len(trees) > 1:
-        raise yaml.YAMLError(f'one document, got {len(trees)}')
     return trees[0] if trees else None
 
 

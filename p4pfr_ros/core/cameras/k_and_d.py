@@ -163,7 +163,7 @@ def _kind(distortion_model: str, coefficients: tuple[float, ...], names: Names) 
         hint = 'use the topic camera_info of the node' if kind == 'division' else _AGAIN
         raise ValueError(
             f'{names.model}: expected one of {", ".join(COEFFICIENTS)}, '
-            f'got {distortion_model[:_MAX_SHOWN]!r}: {hint}'
+            f'got {repr(distortion_model[:_MAX_SHOWN])[:_MAX_SHOWN]}: {hint}'
         )
     return kind
 

@@ -132,8 +132,8 @@ class CalibrationKeeper:
         """
         After an update: log a new state; once CALIBRATED, send the calibration, and save it.
 
-        Saving is optional, and repeated when the camera is clearly better than the saved one. If it
-        fails, a notice is returned, and it is retried after a minute.
+        Saving is optional, and repeated when the camera is clearly better than the saved one. If
+        it fails, a notice is returned, and it is retried after a minute.
         """
         if self.calibrations.restarted:
             self._restart()
@@ -251,7 +251,9 @@ def calibration_path(calibration_file: str, camera_name: str) -> Path:
     given = calibration_file or f'{ros_home}/camera_info/{camera_name}.yaml'
     path = unquote(given.removeprefix(_FILE_URL)) if given.startswith(_FILE_URL) else given
     if '://' in path:
-        raise ConfigError(f'calibration_file: expected a path or a file:// URL, got {shown(given)}')
+        raise ConfigError(
+            f'calibration_file: expected a path or a file:// URL, got {shown(given)}'
+        )
     expanded = path.replace('${ROS_HOME}', ros_home).replace('${NAME}', camera_name)
     return Path(expanded).expanduser()
 

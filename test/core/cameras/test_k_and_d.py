@@ -84,7 +84,9 @@ def test_the_skew_is_that_of_the_matrix():
     camera = camera_from_k_and_d(SKEWED, (), 'plumb_bob', SIZE)
     expected = (POINTS / POINTS[:, 2:]) @ np.reshape(SKEWED, (3, 3)).T
     np.testing.assert_allclose(camera.project(POINTS), expected[:, :2], atol=1e-9)
-    np.testing.assert_allclose(camera.unproject(expected[0, :2]), POINTS[0] / np.linalg.norm(POINTS[0]))
+    np.testing.assert_allclose(
+        camera.unproject(expected[0, :2]), POINTS[0] / np.linalg.norm(POINTS[0])
+    )
 
 
 @pytest.mark.parametrize(
@@ -110,7 +112,13 @@ def test_what_loses_information_is_rejected_with_a_way_out(k, d, name, message):
 
 @pytest.mark.parametrize(
     ('name', 'd', 'warns'),
-    [('', FIVE, True), (' ', FOUR, True), ('', (), False), ('', (0.0,), False), ('x', FIVE, False)],
+    [
+        ('', FIVE, True),
+        (' ', FOUR, True),
+        ('', (), False),
+        ('', (0.0,), False),
+        ('x', FIVE, False),
+    ],
 )
 def test_only_coefficients_without_a_model_are_assumed(name, d, warns):
     assert ('taken as plumb_bob' in assumption(d, name)) is warns

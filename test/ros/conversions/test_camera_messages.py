@@ -119,7 +119,11 @@ def test_no_coefficients_mean_no_distortion():
         ({'d': [0.1] * 12}, 'camera_model', 'D: expected no thin prism .*THIN_PRISM_MODEL'),
         ({'d': [np.nan] * 5}, 'camera_model', 'D: must be finite'),
         ({'d': [0.0, 0.0, -1e8, 0.0]}, 'camera_model', 'D: expected numbers within 1e'),
-        ({'k': np.array([9, 0, 1e300, 0, 9, 3, 0, 0, 1.0])}, 'camera_model', 'K: expected numbers'),
+        (
+            {'k': np.array([9, 0, 1e300, 0, 9, 3, 0, 0, 1.0])},
+            'camera_model',
+            'K: expected numbers',
+        ),
         ({'k': np.array([9, 0, 3, 0, 1e-300, 3, 0, 0, 1.0])}, 'camera_model', 'K: expected a foc'),
         (
             {'distortion_model': 'equidistant', 'd': []},
