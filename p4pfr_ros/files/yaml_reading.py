@@ -48,6 +48,9 @@ _MAX_DIGITS = 100
 _MAX_DIRECTIVES = _MAX_DOCUMENTS = 10
 _MAX_PROBLEM = 60
 
+# The first section of an .ini file follows a few comments.
+_HEAD = 200
+
 _MERGE = 'tag:yaml.org,2002:merge'
 _TIMESTAMP = 'tag:yaml.org,2002:timestamp'
 _OPENCV = 'tag:yaml.org,2002:opencv-'
@@ -126,8 +129,11 @@ def read_yaml(path: str | os.PathLike[str]) -> object:
         text = read_bytes(path).decode('utf-8-sig')
     except UnicodeDecodeError:
         raise ConfigError(f'{where}: expected text in UTF-8') from None
+    # Formats in which programs write calibrations, too, and the way out.
     if text.lstrip().startswith('<'):
         raise ConfigError(f'{where}: expected YAML, got XML: save it as .yaml (cv::FileStorage)')
+    if '[image]' in text[:_HEAD]:
+        raise ConfigError(f'{where}: expected YAML, got .ini: use ost.yaml of camera_calibration')
     try:
         return _parsed(text)
     except yaml.MarkedYAMLError as error:

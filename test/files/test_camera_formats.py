@@ -288,7 +288,7 @@ def test_files_of_camodocal(load, kind, distortion, projection, expected):
         (ros(image_width=None), 'image_width: expected an integer > 0, got none'),
         (ros(camera_matrix=None), 'camera_matrix: expected keys and values, got nothing'),
         ('<?xml version="1.0"?>\n<opencv_storage/>', 'expected YAML, got XML: save it as .yaml'),
-        ('# oST version 5.0\n\n[image]\n\nwidth\n640\n', 'camera.yaml'),
+        ('# oST version 5.0\n\n[image]\n\nwidth\n640\n', 'got .ini: use ost.yaml'),
     ],
 )
 def test_other_files_are_rejected_with_a_way_out(load, tree, message):

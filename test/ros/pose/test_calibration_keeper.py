@@ -4,6 +4,7 @@
 """The calibration file: path, loading, saving; and the driver, which receives the result."""
 
 from dataclasses import replace
+import os
 from pathlib import Path
 import time
 
@@ -29,6 +30,15 @@ class Log:
     def info(self, text):
         """Record a line."""
         self.lines.append(text)
+
+    def warning(self, text):
+        """Record a line."""
+        self.lines.append(f'WARN {text}')
+
+    @property
+    def saved(self):
+        """The lines about saving."""
+        return [line for line in self.lines if line.startswith('saved to ')]
 
 
 class Driver:
@@ -127,6 +137,63 @@ def test_saving_can_be_enabled_later(path):
     assert len([line for line in kept.log.lines if line.startswith('saved')]) == 1
 
 
+def test_a_clearly_better_camera_is_saved_again(path):
+    """When a standard deviation has fallen by a third, and not with each view."""
+    kept, files = Kept(path, save_when_calibrated=True), []
+    for view in moving.views(0, 90):
+        kept.process([view])
+        if not path.exists():
+            continue
+        file, fused = load_calibration(path).estimate, kept.keeper.calibrations.fused
+        assert fused.focal_sigma_px >= file.focal_sigma_px / 1.51
+        assert not fused.projection_sigma_px < file.projection_sigma_px / 1.51
+        if not files or file != files[-1]:
+            files.append(file)
+    assert 2 <= len(files) == len(kept.log.saved) <= 10
+    assert files[-1].focal_sigma_px < files[0].focal_sigma_px
+
+
+def test_what_the_last_views_added_is_saved_at_the_end(path):
+    """Once, and only if saving is enabled."""
+    kept = Kept(path, save_when_calibrated=True)
+    kept.keeper.save_at_end(kept.options)
+    assert not path.exists()
+    kept.process(moving.views(0, 45))
+    fused, saved = kept.keeper.calibrations.fused, len(kept.log.saved)
+    assert load_calibration(path).estimate != fused
+    kept.set(save_when_calibrated=False)
+    kept.keeper.save_at_end(kept.options)
+    assert load_calibration(path).estimate != fused
+    kept.set(save_when_calibrated=True)
+    for _ in range(2):
+        kept.keeper.save_at_end(kept.options)
+    assert load_calibration(path).estimate == fused
+    assert len(kept.log.saved) == saved + 1
+
+
+def test_a_loaded_camera_is_not_saved_again_at_once(path):
+    """The file has it already."""
+    before = Kept(path)
+    before.process(moving.views(0, 60))
+    assert before.keeper.save()[0]
+    after = Kept(path, save_when_calibrated=True)
+    after.process(moving.views(60, 62))
+    assert after.keeper.calibrations.state is CalibrationState.CALIBRATED
+    assert after.log.saved == []
+
+
+def test_the_file_of_another_program_is_kept(monkeypatch, tmp_path):
+    """With .bak appended, as the log says."""
+    monkeypatch.setenv('ROS_HOME', str(tmp_path))
+    path = tmp_path / 'camera_info' / 'camera.yaml'
+    path.parent.mkdir()
+    path.write_text('image_width: 640\n')
+    kept = Kept('', save_when_calibrated=True)
+    kept.process(moving.views(0, 40))
+    assert kept.log.saved[0].endswith(f'another program, is now {path}.bak')
+    assert Path(f'{path}.bak').read_text() == 'image_width: 640\n'
+
+
 def test_failed_saving_gives_a_notice_and_is_retried(tmp_path, monkeypatch):
     """After a minute, not with each view."""
     (tmp_path / 'file').write_text('')
@@ -196,6 +263,25 @@ def test_a_file_of_another_program_is_used_in_mode_fixed(path):
     assert calibrations.known_camera((1280, 960)).cause == 'image_size'
     calibrations.select(moving.SIZE, *SETTINGS)
     assert calibrations.state is CalibrationState.UNCALIBRATED
+
+
+def test_what_a_file_leaves_open_is_warned_of(path):
+    """And a chain of Kalibr is read, by the camera's name."""
+    path.parent.mkdir()
+    chain = '{intrinsics: [5, 6, 7, 8], resolution: [640, 480], distortion_coeffs: [1, 2, 3, 4]}'
+    path.write_text(f'cam0: {chain}\ncam1: {chain}\n')
+    kept = Kept(path, camera_name='cam1')
+    assert kept.log.lines[0].startswith(f'WARN {path}: no distortion_model: taken as plumb_bob')
+    assert kept.keeper.calibrations.known_camera((640, 480)).focal_px == (5.0, 6.0)
+    with pytest.raises(ConfigError, match='got cam0, cam1: set camera_name to one of them'):
+        Kept(path)
+
+
+def test_a_pipe_does_not_block_the_start(tmp_path):
+    """It is neither read nor written."""
+    os.mkfifo(tmp_path / 'pipe')
+    with pytest.raises(ConfigError, match='expected a regular file, got a pipe'):
+        Kept(tmp_path / 'pipe')
 
 
 def test_without_calibration_file_the_path_is_that_of_camera_info_manager(monkeypatch, tmp_path):
