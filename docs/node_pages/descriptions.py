@@ -62,8 +62,8 @@ POSE_NODE = {
     '~/set_enabled': 'Whether messages are processed; sets the parameter `enabled`.',
     '~/save_calibration': (
         'Save the calibration to `calibration_file`, in the format of camera_calibration. A file '
-        'of another program is kept with `.bak` appended. The response has the path, or the reason '
-        'of a failure.'
+        'of another program is kept with `.bak` appended. The response has the path, or the '
+        'reason of a failure.'
     ),
     '~/reset_calibration': 'Discard the estimated and the loaded calibration, and restart.',
     'set_camera_info': (

@@ -168,6 +168,15 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help='larger images are rejected before they are decoded (default: %(default)g)',
     )
     add('--json', action='store_true', help='print JSON lines instead of a table')
+    _add_camera(parser)
+    add_estimate_option(parser, '--threshold', 'threshold_px', 'PX')
+    add_estimate_option(parser, '--seed', 'seed', 'N')
+    add_estimate_switch(parser, '--two-sided', 'two_sided')
+    _add_priors(parser)
+
+
+def _add_camera(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
     add(
         '--camera',
         type=Path,
@@ -188,10 +197,6 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar=('X', 'Y'),
         help='principal point, px (default: the image centre)',
     )
-    add_estimate_option(parser, '--threshold', 'threshold_px', 'PX')
-    add_estimate_option(parser, '--seed', 'seed', 'N')
-    add_estimate_switch(parser, '--two-sided', 'two_sided')
-    _add_priors(parser)
 
 
 def _add_priors(parser: argparse.ArgumentParser) -> None:

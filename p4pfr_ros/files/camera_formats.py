@@ -5,8 +5,9 @@
 Reads a camera from the YAML of ROS, OpenCV, Kalibr and camodocal (VINS).
 
 ROS: camera_calibration and camera_info_manager, and a CameraInfo message printed by ``ros2 topic
-echo``. OpenCV: cv::FileStorage with the usual keys. The formats stand in a module of their own,
-apart from the keys that this package adds to the first of them.
+echo``. OpenCV: cv::FileStorage with the usual keys.
+
+This module stands alone, because calibration.py has the keys that this package adds to ROS's file.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import re
 from typing import Any
 
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
-from p4pfr_ros.core.cameras.k_and_d import (
+from p4pfr_ros.files.k_and_d import (
     assumption,
     camera_from_k_and_d,
     EQUIDISTANT,
@@ -26,25 +27,24 @@ from p4pfr_ros.core.cameras.k_and_d import (
 )
 from p4pfr_ros.files.yaml_fields import Fields
 
-# Keys, without _ and in small letters, beginning with the one that errors name.
-_WIDTH = 'image_width', 'width', 'imgwidth'
-_HEIGHT = 'image_height', 'height', 'imgheight'
-_SIZE = 'image_size', 'imagesize', 'resolution', 'cameraresolution', 'imgsize', 'framesize'
-_K = 'camera_matrix', 'k', 'intrinsicmatrix', 'mtx'
+# Keys, beginning with the one that errors name. Capitals, _ and - in a file make no difference.
+_WIDTH = 'image_width', 'width', 'img_width'
+_HEIGHT = 'image_height', 'height', 'img_height'
+_SIZE = 'image_size', 'resolution', 'camera_resolution', 'img_size', 'frame_size'
+_K = 'camera_matrix', 'k', 'intrinsic_matrix', 'mtx'
 _D = (
     'distortion_coefficients',
     'd',
-    'distcoeffs',
-    'distcoeff',
-    'distortioncoeffs',
-    'distortioncoefs',
+    'dist_coeffs',
+    'dist_coeff',
+    'distortion_coeffs',
     'distortion',
     'dist',
 )
-_MODEL, _KIND, _FISHEYE = 'distortion_model', 'camera_model', 'fisheye_model'
-_NAME = 'camera_name'
-
-_AGAIN = 'calibrate again as a pinhole or fisheye camera'
+_MODEL, _KIND = 'distortion_model', 'camera_model'
+_FISHEYE = 'fisheye_model', 'is_fisheye', 'use_fisheye'
+_NAME, _OMNIDIRECTIONAL = 'camera_name', 'xi'
+_LONGEST_KEY = 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,11 +107,11 @@ def _matrix_camera(fields: Fields) -> ReadCamera:
 
 def _model_name(fields: Fields) -> tuple[str, str]:
     """Return the name of the distortion model, and its key; the name is empty if there is none."""
-    model_key, kind_key = _key(fields, (_MODEL,)), _key(fields, (_KIND, 'cameratype'))
-    fisheye_key = _key(fields, (_FISHEYE, 'fisheyemodel', 'isfisheye', 'usefisheye'))
-    xi_key = _key(fields, ('xi',))
-    if xi_key in fields:
-        raise fields.error(xi_key, 'no omnidirectional camera', f': {_AGAIN}')
+    model_key, kind_key = _key(fields, (_MODEL,)), _key(fields, (_KIND, 'camera_type'))
+    fisheye_key = _key(fields, _FISHEYE)
+    if _OMNIDIRECTIONAL in fields:
+        hint = ': calibrate again as a pinhole or fisheye camera'
+        raise fields.error(_OMNIDIRECTIONAL, 'no omnidirectional camera', hint)
     given = _text(fields, model_key)
     kind = _text(fields, kind_key).lower()
     if fisheye_key in fields and not kind:
@@ -120,7 +120,8 @@ def _model_name(fields: Fields) -> tuple[str, str]:
     if not kind:
         return given, model_key
     if kind not in ('pinhole', 'fisheye', EQUIDISTANT, PLUMB_BOB):
-        raise fields.error(kind_key, 'pinhole or fisheye', f': {_AGAIN}')
+        hint = ': correct or remove it, or calibrate again as one of them'
+        raise fields.error(kind_key, 'pinhole or fisheye', hint)
     if kind == 'fisheye' and given.lower() in (PLUMB_BOB, 'rational_polynomial'):
         raise fields.error(
             model_key, f'{EQUIDISTANT}, as {kind_key} is fisheye', ': correct one of them'
@@ -212,15 +213,16 @@ def _text(fields: Fields, key: str) -> str:
 
 def _key(fields: Fields, keys: tuple[str, ...]) -> str:
     """Return the key of a file that is one of the keys, however it is written, or the first."""
-    for wanted in keys:
-        for key in fields.values:
-            if isinstance(key, str) and _plain(key) == _plain(wanted):
-                return key
-    return keys[0]
+    given = {
+        _plain(key): key
+        for key in fields.values
+        if isinstance(key, str) and len(key) <= _LONGEST_KEY
+    }
+    return next((given[_plain(key)] for key in keys if _plain(key) in given), keys[0])
 
 
 def _plain(key: str) -> str:
-    return re.sub(r'[_-]', '', key).lower()
+    return key.replace('_', '').replace('-', '').lower()
 
 
 def _matrix(fields: Fields, key: str, rows: int, columns: int) -> tuple[tuple[float, ...], str]:

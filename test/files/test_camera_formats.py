@@ -275,7 +275,7 @@ def test_files_of_camodocal(load, kind, distortion, projection, expected):
         ),
         ({'cam0': KALIBR | {'resolution': [640]}}, 'cam0.resolution: expected width and height'),
         (ros(xi=1.2), 'xi: expected no omnidirectional camera, got 1.2: calibrate again'),
-        (ros(camera_model='omni'), "camera_model: expected pinhole or fisheye, got 'omni': cali"),
+        (ros(camera_model='omni'), "camera_model: expected pinhole or fisheye, got 'omni': corr"),
         (
             ros(camera_model='fisheye', distortion_coefficients=matrix(1, 4, FOUR)),
             'distortion_model: expected equidistant, as camera_model is fisheye, .*: correct one',

@@ -110,7 +110,7 @@ def test_anchors_and_merges_of_honest_files_are_read(tmp_path):
 
 
 def test_files_are_read_without_libyaml(tmp_path):
-    """PyYAML's own parser obeys the same limits."""
+    """The parser in Python obeys the same limits."""
     (tmp_path / 'laughs.yaml').write_text(LAUGHS)
     (tmp_path / 'file.yaml').write_text('%YAML:1.0\n---\na: !!opencv-matrix\n   rows: 1\n')
     code = f"""

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.cameras.division import DivisionCamera
-from p4pfr_ros.core.cameras.k_and_d import assumption, camera_from_k_and_d
 from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.files.k_and_d import assumption, camera_from_k_and_d
 from p4pfr_ros.files.printable import shown
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 from std_msgs.msg import Header

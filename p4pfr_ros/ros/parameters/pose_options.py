@@ -211,13 +211,13 @@ class PoseNodeOptions:
     calibration_file: str = parameter(
         '',
         'File of the calibration, a path or a file:// URL: loaded at the start if it exists, and '
-        'saved to. Files of camera_calibration, OpenCV and Kalibr are read, too. Empty: saved to ~/.ros/camera_info/CAMERA_NAME.yaml, as camera_info_manager '
-        'does, and not loaded.',
+        'saved to. Files of camera_calibration, OpenCV and Kalibr are read, too. Empty: saved to '
+        '~/.ros/camera_info/CAMERA_NAME.yaml, as camera_info_manager does, and not loaded.',
         read_only=True,
     )
     camera_name: str = parameter(
         'camera',
-        "Name of the camera in the calibration file. Of a file of Kalibr with several cameras, it "
+        'Name of the camera in the calibration file. Of a file of Kalibr with several cameras, it '
         'selects one by its key, such as cam1, or a part of its topic.',
         read_only=True,
     )

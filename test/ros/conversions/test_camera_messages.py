@@ -114,10 +114,10 @@ def test_no_coefficients_mean_no_distortion():
         ({'height': 65536}, 'camera_info', 'from 1 to 65535, got .*x65536'),
         ({'distortion_model': 'fov'}, 'camera_model', "one of plumb_bob, .*, got 'fov': calib"),
         ({'distortion_model': 'division'}, 'camera_model', "got 'division': use the topic"),
-        ({'distortion_model': 'x\n' * 10**6}, 'camera_model', r"got 'x\\nx.*': calibrate again"),
+        ({'distortion_model': 'x\n' * 10**6}, 'camera_model', r"got 'x\\nx.*: calibrate again"),
         ({'d': [0.1, 0.2, 0.3]}, 'camera_model', 'D: expected 4, 5, 8, 12, 14 numbers .*, got 3'),
         ({'d': [0.1] * 12}, 'camera_model', 'D: expected no thin prism .*THIN_PRISM_MODEL'),
-        ({'d': [np.nan] * 5}, 'camera_model', 'D: must be finite'),
+        ({'d': [np.nan] * 5}, 'camera_model', 'D: expected numbers within 1e.*, got nan: calib'),
         ({'d': [0.0, 0.0, -1e8, 0.0]}, 'camera_model', 'D: expected numbers within 1e'),
         (
             {'k': np.array([9, 0, 1e300, 0, 9, 3, 0, 0, 1.0])},
@@ -134,7 +134,11 @@ def test_no_coefficients_mean_no_distortion():
         ({'k': np.array([9, 0, 3, 0, 9, 3, 0, 0, 0.0])}, 'camera_model', r'\[9 0 3 0 9 3 0 0 0\]'),
         ({'k': np.array([9, 0, 0, 0, 9, 0, 3, 4, 1.0])}, 'camera_model', 'transpose it'),
         ({'k': np.array([-9, 0, 3, 0, 9, 3, 0, 0, 1.0])}, 'camera_model', 'a focal length from'),
-        ({'k': np.array([9, 0, np.nan, 0, 9, 3, 0, 0, 1])}, 'camera_model', 'K: must be finite'),
+        (
+            {'k': np.array([9, 0, np.nan, 0, 9, 3, 0, 0, 1])},
+            'camera_model',
+            'K: expected numbers within',
+        ),
     ],
 )
 def test_an_uncalibrated_or_unknown_camera_is_rejected(change, cause, reason):

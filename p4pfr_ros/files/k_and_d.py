@@ -12,11 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+import math
 
-import numpy as np
-
-from .camera_info import CameraInfoModel, COEFFICIENTS, MAX_NUMBER, MIN_FOCAL_PX
-from ..geometry import finite_numbers
+from p4pfr_ros.core.cameras.camera_info import (
+    CameraInfoModel,
+    COEFFICIENTS,
+    MAX_NUMBER,
+    MIN_FOCAL_PX,
+)
+from p4pfr_ros.files.printable import shown
 
 PLUMB_BOB, RATIONAL, EQUIDISTANT = COEFFICIENTS
 
@@ -45,7 +49,6 @@ _PRISM, _TILT = slice(8, 12), slice(12, 14)
 
 # Entries of K that are this close to 0 or 1 are meant to be 0 or 1.
 _ROUNDING = 1e-9
-_MAX_SHOWN = 40
 
 _AGAIN = 'calibrate again, or use intrinsics.mode self_calibrate'
 
@@ -91,9 +94,8 @@ def camera_from_k_and_d(
 
     """
     names = names or Names()
-    focal_px, center_px, skew_px = _checked_matrix(finite_numbers(k, f'{names.k}:'), names)
-    coefficients = finite_numbers(d, f'{names.d}:')
-    _check_range(coefficients, names.d)
+    focal_px, center_px, skew_px = _checked_matrix(tuple(k), names)
+    coefficients = _checked_numbers(d, names.d)
     kind = _kind(distortion_model, coefficients, names)
     if kind == EQUIDISTANT:
         coefficients = _equidistant(coefficients, names)
@@ -122,30 +124,33 @@ def _checked_matrix(
 ) -> tuple[tuple[float, float], tuple[float, float], float]:
     """Return (fx, fy), (cx, cy) and the skew."""
     if len(entries) != 9:
-        raise ValueError(f'{names.k}: expected 9 numbers, row by row, got {len(entries)}')
-    fx, skew, cx, below, fy, cy, *last = entries
-    if not np.allclose([below, *last], [0.0, 0.0, 0.0, 1.0], rtol=0.0, atol=_ROUNDING):
+        raise ValueError(f'{names.k}: expected 9 numbers, got {len(entries)}: write K row by row')
+    fx, skew, cx, below, fy, cy, *last = (float(entry) for entry in entries)
+    off = max(abs(below), *map(abs, last[:2]), abs(last[2] - 1.0))
+    if not off <= _ROUNDING:
         got = ' '.join(f'{entry:g}' for entry in entries)
-        hint = ': transpose it' if abs(last[0]) > 1.0 and cx == cy == 0.0 else ''
-        raise ValueError(f'{names.k}: expected [fx s cx 0 fy cy 0 0 1], got [{got}]{hint}')
+        hint = 'transpose it' if cx == cy == 0.0 else 'write K row by row'
+        raise ValueError(f'{names.k}: expected [fx s cx 0 fy cy 0 0 1], got [{got}]: {hint}')
     for focal_px in (fx, fy):
         if not MIN_FOCAL_PX <= focal_px <= MAX_NUMBER:
             raise ValueError(
                 f'{names.k}: expected a focal length from {MIN_FOCAL_PX:g} to {MAX_NUMBER:g} px, '
                 f'got {focal_px:g}: calibrate the camera'
             )
-    _check_range((cx, cy), names.k)
+    cx, cy, skew = _checked_numbers((cx, cy, skew), names.k)
     if not abs(skew) <= fx:
         raise ValueError(f'{names.k}: expected a skew of at most fx, got {skew:g}: {_AGAIN}')
     return (fx, fy), (cx, cy), skew
 
 
-def _check_range(numbers: tuple[float, ...], name: str) -> None:
-    largest = max(numbers, key=abs, default=0.0)
-    if abs(largest) > MAX_NUMBER:
-        raise ValueError(
-            f'{name}: expected numbers within {MAX_NUMBER:g}, got {largest:g}: {_AGAIN}'
-        )
+def _checked_numbers(numbers: Iterable[float], name: str) -> tuple[float, ...]:
+    given = tuple(float(number) for number in numbers)
+    for number in given:
+        if not (math.isfinite(number) and abs(number) <= MAX_NUMBER):
+            raise ValueError(
+                f'{name}: expected numbers within {MAX_NUMBER:g}, got {number:g}: {_AGAIN}'
+            )
+    return given
 
 
 def _kind(distortion_model: str, coefficients: tuple[float, ...], names: Names) -> str:
@@ -163,7 +168,7 @@ def _kind(distortion_model: str, coefficients: tuple[float, ...], names: Names) 
         hint = 'use the topic camera_info of the node' if kind == 'division' else _AGAIN
         raise ValueError(
             f'{names.model}: expected one of {", ".join(COEFFICIENTS)}, '
-            f'got {repr(distortion_model[:_MAX_SHOWN])[:_MAX_SHOWN]}: {hint}'
+            f'got {shown(distortion_model)}: {hint}'
         )
     return kind
 
@@ -173,11 +178,11 @@ def _equidistant(coefficients: tuple[float, ...], names: Names) -> tuple[float, 
     size = COEFFICIENTS[EQUIDISTANT]
     if len(coefficients) >= size and not any(coefficients[size:]):
         return coefficients[:size]
-    hint = (
-        f'is the model {RATIONAL}?'
-        if coefficients
-        else 'write four zeros for an ideal fisheye, or name plumb_bob for a pinhole'
-    )
+    hint = 'add zeros for terms that are not used'
+    if not coefficients:
+        hint = 'write four zeros for an ideal fisheye, or name plumb_bob for a pinhole'
+    elif len(coefficients) > size:
+        hint = f'is the model {RATIONAL}?'
     raise ValueError(
         f'{names.d}: expected 4 numbers of {EQUIDISTANT} (k1 k2 k3 k4), '
         f'got {len(coefficients)}: {hint}'

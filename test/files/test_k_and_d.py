@@ -5,7 +5,7 @@
 
 import cv2
 import numpy as np
-from p4pfr_ros.core.cameras.k_and_d import assumption, camera_from_k_and_d, Names
+from p4pfr_ros.files.k_and_d import assumption, camera_from_k_and_d, Names
 import pytest
 
 SIZE = (640, 480)
@@ -100,7 +100,7 @@ def test_the_skew_is_that_of_the_matrix():
         (K, (0.1,), 'fov', "model: expected one of plumb_bob, .*, got 'fov': calibrate again"),
         (K, FIVE, 'none', 'model: expected the name of the model of d, got none'),
         (K, FIVE, 'unknown', "got 'unknown': calibrate again"),
-        (K[:8], FIVE, '', 'k: expected 9 numbers, row by row, got 8'),
+        (K[:8], FIVE, '', 'k: expected 9 numbers, got 8: write'),
         (np.reshape(K, (3, 3)).T.ravel(), FIVE, '', r'k: expected \[fx s cx .* transpose it'),
     ],
 )
