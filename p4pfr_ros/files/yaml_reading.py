@@ -141,10 +141,12 @@ def read_yaml(path: str | os.PathLike[str]) -> object:
         line = f', line {mark.line + 1}' if mark else ''
         problem = printable(error.problem or '', _MAX_PROBLEM)
         raise ConfigError(f'{where}{line}: expected YAML: {problem}') from None
-    # PyYAML lets the others escape from values that do not fit their tag, such as !!bool x.
-    except (yaml.YAMLError, ArithmeticError, AttributeError, LookupError, ValueError) as error:
+    except yaml.YAMLError as error:
         problem = printable(' '.join(str(error).split()), _MAX_PROBLEM)
         raise ConfigError(f'{where}: expected YAML: {problem}') from None
+    except (ArithmeticError, AttributeError, LookupError, ValueError):
+        # PyYAML lets them escape for values such as !!bool x.
+        raise ConfigError(f'{where}: expected YAML: a value does not fit its !! tag') from None
 
 
 def _parsed(text: str) -> object:
@@ -198,6 +200,12 @@ class _Loader(_SafeLoader):
         self._level -= 1
         return node
 
+    def resolve(self, kind: Any, value: Any, implicit: Any) -> Any:
+        # No number is so long; the time to read one grows with the square of its digits.
+        if kind is yaml.ScalarNode and len(value) > _MAX_DIGITS:
+            return self.DEFAULT_SCALAR_TAG
+        return super().resolve(kind, value, implicit)  # type: ignore[no-untyped-call]
+
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen: set[Hashable] = set()
         for key_node, _ in node.value:
@@ -212,7 +220,7 @@ class _Loader(_SafeLoader):
         return super().construct_mapping(node, deep)
 
     def construct_number(self, node: yaml.ScalarNode) -> float:
-        """Return an integer or a float; its time grows with the square of its digits."""
+        """Return an integer or a float, which may have its tag written beside it."""
         if len(node.value) > _MAX_DIGITS:
             raise ConstructorError(
                 None, None, f'a number of more than {_MAX_DIGITS} digits', node.start_mark

@@ -40,6 +40,7 @@ HOSTILE = {
     'date': 'image_width: 2026-13-45',
     'tagged date': 'image_width: !!timestamp x',
     'tagged integer': 'image_width: !!int ""',
+    'tagged digits': 'image_width: !!int "' + 1_000_000 * '1:' + '1"',
     'tagged truth': 'image_width: !!bool x',
     'python': 'image_width: !!python/object/apply:os.system [ls]',
     'matrix': 'image_width: !!opencv-matrix 7',

@@ -99,8 +99,9 @@ def camera_info_from_model_msg(
     Make the CameraInfo of a calibrated camera, for image_proc.
 
     K and P refer to the full raw image, whatever the window and binning of the frame; image_proc
-    converts them to the sent image. P = K, so the rectified image has the scale of the raw image
-    at its centre. Of a barrel lens the rim is cut off: a plane would stretch it without limit.
+    converts them to the sent image. P = K without skew, so the rectified image has the scale of
+    the raw image at its centre. Of a barrel lens the rim is cut off: a plane would stretch it
+    without limit.
     """
     msg = _with_intrinsics(header, frame, model.focal_px, model.center_px)
     msg.k[1] = model.skew_px  # not in P: the rectified image has none

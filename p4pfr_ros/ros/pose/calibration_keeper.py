@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
+import tempfile
 import time
 from typing import Any
 from urllib.parse import unquote
@@ -244,10 +245,10 @@ def calibration_path(calibration_file: str, camera_name: str) -> Path:
     Raises
     ------
     ConfigError
-        It is a URL of another scheme.
+        It is a URL of another scheme, or begins with ~ and the name of no user.
 
     """
-    ros_home = os.environ.get('ROS_HOME') or str(Path.home() / '.ros')
+    ros_home = os.environ.get('ROS_HOME') or f'{_home()}/.ros'
     given = calibration_file or f'{ros_home}/camera_info/{camera_name}.yaml'
     path = unquote(given.removeprefix(_FILE_URL)) if given.startswith(_FILE_URL) else given
     if '://' in path:
@@ -255,7 +256,20 @@ def calibration_path(calibration_file: str, camera_name: str) -> Path:
             f'calibration_file: expected a path or a file:// URL, got {shown(given)}'
         )
     expanded = path.replace('${ROS_HOME}', ros_home).replace('${NAME}', camera_name)
-    return Path(expanded).expanduser()
+    try:
+        return Path(expanded).expanduser()
+    except RuntimeError:
+        raise ConfigError(
+            f'calibration_file: expected a path, got {shown(given)}: ~ is unknown, set HOME'
+        ) from None
+
+
+def _home() -> str:
+    """Return the home directory; in a container without one, that of temporary files."""
+    try:
+        return str(Path.home())
+    except RuntimeError:
+        return tempfile.gettempdir()
 
 
 def _summary(estimate: CameraEstimate) -> str:

@@ -6,6 +6,7 @@
 from dataclasses import replace
 import os
 from pathlib import Path
+import tempfile
 import time
 
 import moving
@@ -318,6 +319,24 @@ def test_a_url_of_another_scheme_is_an_error():
     """It is not treated as a path."""
     with pytest.raises(ConfigError, match=r"calibration_file: expected .* got 'package://a/b'"):
         calibration_path('package://a/b', 'left')
+
+
+def test_the_home_of_an_unknown_user_is_an_error():
+    """One line, no traceback."""
+    with pytest.raises(ConfigError, match=r"calibration_file: .* got '~nobody_here/a.yaml': ~ is"):
+        calibration_path('~nobody_here/a.yaml', 'left')
+
+
+def test_a_user_without_a_home_can_save(monkeypatch):
+    """As in a container with an unknown user ID."""
+
+    def no_home():
+        raise RuntimeError('Could not determine home directory.')
+
+    monkeypatch.setattr(Path, 'home', no_home)
+    monkeypatch.delenv('ROS_HOME', raising=False)
+    path = calibration_path('', 'left')
+    assert path == Path(tempfile.gettempdir()) / '.ros/camera_info/left.yaml'
 
 
 def test_a_camera_name_must_be_a_valid_file_name():
