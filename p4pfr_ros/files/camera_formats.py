@@ -89,6 +89,9 @@ def camera_from(fields: Fields, camera_name: str = '') -> ReadCamera:
 def _matrix_camera(fields: Fields) -> ReadCamera:
     """Read the files of ROS and OpenCV: K and D as matrices."""
     k_key, d_key = _key(fields, _K), _key(fields, _D)
+    if k_key not in fields:
+        hint = ': save K under this key, or as Kalibr does'
+        raise fields.error(k_key, 'a 3x3 matrix', hint)
     k, k_path = _matrix(fields, k_key, 3, 3)
     for key, columns in (('rectification_matrix', 3), ('projection_matrix', 4)):
         if key in fields:
@@ -184,7 +187,11 @@ def _image_size(fields: Fields) -> tuple[int, int]:
     key = _key(fields, _SIZE)
     if key in fields:
         return _size_from(fields, key)
-    return fields.count(_key(fields, _WIDTH)), fields.count(_key(fields, _HEIGHT))
+    width, height = _key(fields, _WIDTH), _key(fields, _HEIGHT)
+    for side in (width, height):
+        if side not in fields:
+            raise fields.error(side, 'an integer > 0', f': add {_WIDTH[0]} and {_HEIGHT[0]}')
+    return fields.count(width), fields.count(height)
 
 
 def _size_from(fields: Fields, key: str) -> tuple[int, int]:

@@ -18,7 +18,7 @@ from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.files.yaml_reading import kind_of_file, read_bytes, reason_of
 
 # Age of an empty temporary file that no other process is about to lock.
-_ABANDONED_S = 60.0
+_ABANDONED_S = 5.0
 # A temporary file has more characters in its name than its target, and the limit is 255.
 _MAX_NAME = 100
 

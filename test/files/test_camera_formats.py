@@ -285,8 +285,14 @@ def test_files_of_camodocal(load, kind, distortion, projection, expected):
             'distortion_coefficients.data: expected no thin prism .*without OpenCV',
         ),
         (ros(distortion_coefficients=None), 'distortion_coefficients: expected the coefficients'),
-        (ros(image_width=None), 'image_width: expected an integer > 0, got none'),
-        (ros(camera_matrix=None), 'camera_matrix: expected keys and values, got nothing'),
+        (
+            ros(image_width=None),
+            'image_width: expected an integer > 0, got none: add image_width and image_height',
+        ),
+        (
+            ros(camera_matrix=None),
+            'camera_matrix: expected a 3x3 matrix, got none: save K under this key',
+        ),
         ('<?xml version="1.0"?>\n<opencv_storage/>', 'expected YAML, got XML: save it as .yaml'),
         ('# oST version 5.0\n\n[image]\n\nwidth\n640\n', 'got .ini: use ost.yaml'),
     ],
