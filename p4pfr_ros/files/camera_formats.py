@@ -140,7 +140,7 @@ def _selected(fields: Fields, cameras: list[Any], camera_name: str) -> str:
             return str(key)
     listed = ', '.join(cameras)
     raise ValueError(
-        f'{cameras[0]}: expected one camera, got {listed}: set camera_name to one of them'
+        f'{cameras[0]}: expected one camera, got {listed}: set camera_name (--camera-name) to one'
     )
 
 
