@@ -70,8 +70,9 @@ POSE_NODE = {
     '/diagnostics': 'The status of the node, once a second and after each change; see below.',
     '~/set_enabled': 'Whether messages are processed; sets the parameter `enabled`.',
     '~/save_calibration': (
-        'Save the calibration to `calibration_file`, in the format of camera_calibration. The '
-        'response has the path, or the reason of a failure.'
+        'Save the calibration to `calibration_file`, in the format of camera_calibration. A file '
+        'of another program is kept with `.bak` appended. The response has the path, or the '
+        'reason of a failure.'
     ),
     '~/reset_calibration': 'Discard the estimated and the loaded calibration, and restart.',
     'set_camera_info': (

@@ -28,7 +28,7 @@ class LifecyclePoseNode(LifecycleNode):  # type: ignore[misc]
     Parameters are declared at once; those that are read-only in pose_node can be changed while the
     node is unconfigured. Configure loads the files, creates publishers and services and compiles
     the kernels; activate subscribes, deactivate unsubscribes; cleanup destroys everything,
-    including a calibration that was not saved.
+    including a calibration that was not saved; ``save_when_calibrated`` saves it before.
 
     Parameters
     ----------
@@ -43,6 +43,11 @@ class LifecyclePoseNode(LifecycleNode):  # type: ignore[misc]
         self._pipeline: PosePipeline | None = None
         self._was_activated = False
         self.get_logger().info('ready to be configured')
+
+    def destroy_node(self) -> None:
+        """Destroy the pipeline, if there is one, and the node."""
+        self._destroy_pipeline()
+        super().destroy_node()
 
     def on_configure(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Create the pipeline; fails with a line in the log if the configuration is invalid."""

@@ -20,6 +20,7 @@ from .cameras import (
     image_frame_from_msg,
     ImageFrame,
     LARGEST_IMAGE_PX,
+    model_assumption,
     model_from_msg,
 )
 from .correspondences import (
@@ -55,6 +56,7 @@ __all__ = [
     'image_from_msg',
     'image_msg',
     'isaac_detection_array_type',
+    'model_assumption',
     'model_from_msg',
     'pose_array_msg',
     'pose_from_msg',

@@ -22,6 +22,7 @@ from p4pfr_ros.boards import Board, MarkerBoard
 from p4pfr_ros.boards.conventions import CORNER_ORDERS
 from p4pfr_ros.boards.parts import code_family
 from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.files.printable import printable
 
 from .correspondences import checked, Correspondences, wrong_coordinates
 from ..runtime.rejections import Rejected
@@ -173,7 +174,8 @@ def _of_board(
 
 
 def _unknown(detections: Iterable[Any], topic: str) -> Rejected:
-    tags = sorted({f'{detection.family}:{detection.id}' for detection in detections})
+    families = {(printable(detection.family, 20), detection.id) for detection in detections}
+    tags = sorted(f'{family}:{number}' for family, number in families)
     more = ', ...' if len(tags) > _MAX_LISTED else ''
     return Rejected(
         'unknown_tags',

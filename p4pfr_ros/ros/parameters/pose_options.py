@@ -211,15 +211,20 @@ class PoseNodeOptions:
     calibration_file: str = parameter(
         '',
         'File of the calibration, a path or a file:// URL: loaded at the start if it exists, and '
-        'saved to. Empty: saved to ~/.ros/camera_info/CAMERA_NAME.yaml, as camera_info_manager '
-        'does, and not loaded.',
+        'saved to. Files of camera_calibration, OpenCV and Kalibr are read, too. Empty: saved to '
+        '~/.ros/camera_info/CAMERA_NAME.yaml, as camera_info_manager does, and not loaded.',
         read_only=True,
     )
     camera_name: str = parameter(
-        'camera', 'Name of the camera in the calibration file.', read_only=True
+        'camera',
+        'Name of the camera in the calibration file. Of a file of Kalibr with several cameras, it '
+        'selects one by its key, such as cam1, or a part of its topic.',
+        read_only=True,
     )
     save_when_calibrated: bool = parameter(
-        False, 'Whether the calibration is saved as soon as the camera is calibrated.'
+        False,
+        'Whether the calibration is saved as soon as the camera is calibrated, again whenever a '
+        'standard deviation has fallen by a third, and at shutdown.',
     )
     set_camera_info_service: str = parameter(
         '',

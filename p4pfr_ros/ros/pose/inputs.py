@@ -16,6 +16,7 @@ from p4pfr_ros import CameraInfoModel
 from p4pfr_ros.boards import Board, MarkerBoard
 from p4pfr_ros.core.geometry import Array, Mask
 from p4pfr_ros.files.boards import load_boards
+from p4pfr_ros.files.printable import printable_path, shown
 from p4pfr_ros.files.yaml_fields import ConfigError
 from sensor_msgs.msg import CameraInfo, PointCloud2
 from std_msgs.msg import Header
@@ -27,6 +28,7 @@ from ..conversions import (
     correspondences_from_polygon,
     image_frame_from_msg,
     ImageFrame,
+    model_assumption,
     model_from_msg,
 )
 from ..parameters.pose_options import DetectionsOptions, ImageOptions, PoseNodeOptions
@@ -205,6 +207,10 @@ class Inputs:
             self._modelled = self._camera_info
         return self._model
 
+    def model_assumption(self) -> Notice | None:
+        """Return a notice if the latest camera_info leaves the model of its lens open."""
+        return None if self._camera_info is None else model_assumption(self._camera_info)
+
     def frame_mismatch(self, header: Header) -> Notice | None:
         """Return a notice if camera_info has another frame_id than the header."""
         frame_id = '' if self._camera_info is None else self._camera_info.header.frame_id
@@ -212,8 +218,8 @@ class Inputs:
             return None
         return Notice(
             'frame_id',
-            f'camera_info has the frame {frame_id!r}, the points have {header.frame_id!r}: are '
-            'they from the same camera?',
+            f'camera_info has the frame {shown(frame_id)}, the points have '
+            f'{shown(header.frame_id)}: are they from the same camera?',
         )
 
     def tf_conflict(self, options: PoseNodeOptions) -> Notice | None:
@@ -374,7 +380,7 @@ def _ambiguous(boards: Mapping[str, Board]) -> Rejected:
 def _topic_name(board_file: str, name: str) -> str:
     if re.fullmatch(r'[A-Za-z]\w*', name, re.ASCII) is None:
         raise ConfigError(
-            f'{board_file}: boards.{name}: expected a letter, and then letters, digits and _, in '
-            'the name of one of several boards: it is part of topic names'
+            f'{printable_path(board_file)}: boards.{name}: expected a letter, and then letters, '
+            'digits and _, in the name of one of several boards: it is part of topic names'
         )
     return name

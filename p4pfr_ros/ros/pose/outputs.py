@@ -12,6 +12,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseArray, PoseStamped, PoseWithCovarianceStamped
 from p4pfr_ros import CameraEstimate, CameraInfoModel, DivisionCamera, Pose, PoseEstimate
+from p4pfr_ros.files.printable import shown
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
@@ -338,7 +339,7 @@ class Transforms:
             # Every listener would log an error for every message.
             self._logger.warning(
                 f'nothing is published on /tf: expected points with a frame_id other than '
-                f'{child_frame!r}, got {header.frame_id!r}',
+                f'{shown(child_frame)}, got {shown(header.frame_id)}',
                 once=True,
             )
         else:

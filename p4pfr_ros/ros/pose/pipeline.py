@@ -28,7 +28,7 @@ from .services import Services
 from .turned_boards import TurnedBoards
 from ..conversions import detection_array_type, isaac_detection_array_type
 from ..parameters.declare import Parameters
-from ..parameters.pose_options import FIXED, PoseNodeOptions, SELF_CALIBRATE
+from ..parameters.pose_options import CAMERA_INFO, FIXED, PoseNodeOptions, SELF_CALIBRATE
 from ..runtime.endpoints import Endpoints
 from ..runtime.following import FollowingSubscription
 from ..runtime.rejections import Notice, Rejected
@@ -79,7 +79,7 @@ class PosePipeline:
             # So that no message waits for the compiler.
             warm_up()
         except Exception:
-            self.close()
+            self._destroy()
             raise
 
     def start(self) -> None:
@@ -104,7 +104,12 @@ class PosePipeline:
         self._subscribed.close()
 
     def close(self) -> None:
-        """Stop, and destroy all endpoints."""
+        """Stop, save the calibration if that is an option, and destroy all endpoints."""
+        self.stop()
+        self._keeper.save_at_end(self._config.options)
+        self._destroy()
+
+    def _destroy(self) -> None:
         self._subscribed.close()
         self._lasting.close()
         self._config.guard(None)
@@ -164,6 +169,8 @@ class PosePipeline:
     ) -> None:
         """Estimate one board; a calibrated camera publishes the pose before it is updated."""
         self._warn(self._inputs.frame_mismatch(observation.header))
+        if options.intrinsics.mode == CAMERA_INFO:
+            self._warn(self._inputs.model_assumption())
         camera = self._cameras.camera_for(observation, options)
         if isinstance(camera, Rejected):
             self._reporter.reject(camera)

@@ -99,7 +99,7 @@ def deviating_views(camera, count, seed, tilt_deg, **deviations):
     ]
 
 
-def calibrated(camera):
+def calibrated_in_small_images(camera):
     calibration = SelfCalibration(SMALL_IMAGE)
     verdicts(calibration, deviating_views(camera, 30, 0, (10.0, 60.0)))
     assert calibration.state is CalibrationState.CALIBRATED
@@ -108,7 +108,7 @@ def calibrated(camera):
 
 def test_a_bent_board_that_stays_never_restarts_the_calibration():
     camera = DivisionCamera(160.0, image_center_px(SMALL_IMAGE), -0.03)
-    calibration = calibrated(camera)
+    calibration = calibrated_in_small_images(camera)
     for seed in (1, 3):
         bent = deviating_views(camera, 12, seed, (0.0, 12.0), bow_x_m=0.001)
         assert Verdict.RESTARTED not in verdicts(copy.deepcopy(calibration), bent)
@@ -116,7 +116,7 @@ def test_a_bent_board_that_stays_never_restarts_the_calibration():
 
 def test_a_view_after_a_zoom_has_no_pose_or_a_covariance_that_admits_the_zoom():
     camera = DivisionCamera(275.0, image_center_px(SMALL_IMAGE), -0.05)
-    calibration = calibrated(camera)
+    calibration = calibrated_in_small_images(camera)
     published = 0
     for view in deviating_views(dataclasses.replace(camera, focal_px=357.5), 20, 1, (15.0, 60.0)):
         estimate = copy.deepcopy(calibration).update(view.image_points, view.board_points)

@@ -141,3 +141,15 @@ def test_a_mirrored_board_is_a_counted_rejection_unless_it_is_two_sided(make, mo
     publish(node, 'correspondences', msg)
     assert estimates.pop().model.camera_from_board.tilt_deg > 90.0
     assert health.rejections == {'seen_from_behind': 1}
+
+
+def test_coefficients_without_a_model_are_warned_of(make, monkeypatch, capfd):
+    """In the mode camera_info, which is the only one that uses them."""
+    monkeypatch.setattr(Outputs, 'is_awaited', lambda *_: True)
+    node, msg = make(), scenes.camera_info()
+    msg.k, msg.d = np.array([520.0, 0, 319.5, 0, 520.0, 239.5, 0, 0, 1]), [0.2, 0.0, 0.0, 0.0]
+    for mode, expected in (('per_frame', False), ('camera_info', True)):
+        assert set_parameter(node, 'intrinsics.mode', mode).successful
+        publish(node, 'camera_info', msg)
+        publish(node, 'correspondences', scenes.board_cloud(1))
+        assert ('[no_distortion_model: 1 so far]' in capfd.readouterr().err) is expected
