@@ -201,7 +201,7 @@ def test_a_path_that_cannot_be_written_fails_before_the_start(tmp_path):
     (tmp_path / 'demo.png').mkdir()
     run = _Demo(tmp_path, 60.0)
     assert run.wait() == 1
-    assert run.output == ('demo failed: demo.png: expected a writable path: Is a directory\n')
+    assert run.output == ('demo failed: demo.png: expected the path of a regular file, got a directory\n')
 
 
 @pytest.mark.skipif(bool(why_not()), reason='needs network namespaces')
