@@ -67,15 +67,15 @@ def main() -> None:
         write_image(output / 'tour_views.png', _contact_sheet(sorted(webcam.iterdir()), columns=4))
 
 
-def write_views(folder: Path) -> None:
-    """Render the views of a webcam into a folder."""
+def write_views(folder: Path, camera: DivisionCamera = CAMERA) -> None:
+    """Render the views of a webcam, or of another camera, into a folder."""
     board = load_board(str(BOARD_FILE))
     for i, (tilt, azimuth, turn, *at_m) in enumerate(VIEWS):
         axis = np.array([math.cos(math.radians(azimuth)), math.sin(math.radians(azimuth)), 0.0])
         tilted = Pose.from_rotation_vector(math.radians(tilt) * axis, np.array(at_m))
         turned = Pose.from_rotation_vector(np.array([0.0, 0.0, math.radians(turn)]), np.zeros(3))
         pose = Pose(tilted.rotation @ turned.rotation @ HEAD_ON, tilted.translation)
-        image = render(board, CAMERA, pose, SIZE, noise_sigma=0.4, seed=i)
+        image = render(board, camera, pose, SIZE, noise_sigma=0.4, seed=i)
         write_image(folder / f'view{i:02}.png', image)
 
 
