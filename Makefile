@@ -24,7 +24,7 @@ help:
 	@echo 'make demo      run a simulated camera, detector and pose node over DDS; writes demo.png'
 	@echo 'make test      run unit, property and DDS tests'
 	@echo 'make lint      check style and types'
-	@echo 'make docs      build the documentation, docs/_build/index.html, and run the notebook'
+	@echo 'make docs      build the documentation, build/docs/index.html, and run the notebook'
 	@echo 'make ament     check package.xml against its schema (needs a sourced ROS, or apt)'
 	@echo 'make colcon    build, start and test in a colcon workspace'
 	@echo 'make opencv46  run the image tests with OpenCV 4.6, the oldest supported version'
@@ -71,14 +71,14 @@ lint: venv
 
 # Warnings are errors: a broken link, a page that no table of contents lists.
 docs: $(DOCS_TOOLS)
-	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet docs docs/_build
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet docs build/docs
 	$(BIN)/jupyter-execute --kernel_name python3 notebooks/quickstart.ipynb
 	$(BIN)/check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-config .github/ISSUE_TEMPLATE/config.yml
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms \
 		$(filter-out %/config.yml, $(wildcard .github/ISSUE_TEMPLATE/*.yml))
-	@echo 'open docs/_build/index.html'
+	@echo 'open build/docs/index.html'
 
 $(DOCS_TOOLS): $(MADE)
 	$(BIN)/python -m pip install --quiet --editable '.[docs]'
@@ -95,6 +95,6 @@ opencv46:
 
 clean:
 	rm -rf $(VENV) .venv-colcon .venv-opencv46 .colcon build *.egg-info demo.png
-	rm -rf docs/_build docs/api/generated docs/project
+	rm -rf docs/api/generated docs/project
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -49,7 +49,8 @@ extensions = [
     'sphinx.ext.napoleon',
 ]
 templates_path = ['_templates']
-exclude_patterns = ['_build']
+# What rosdoc2 adds: pages of all modules, and copies of the README.
+exclude_patterns = ['__*', 'modules.rst', 'p4pfr_ros*.rst', 'standard*', 'user_docs*']
 # Anchors of headings down to this level, made as GitHub makes them.
 myst_heading_anchors = 4
 myst_enable_extensions = ['dollarmath']
