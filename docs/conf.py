@@ -11,6 +11,7 @@ names it, else plain text.
 
 from __future__ import annotations
 
+from fnmatch import fnmatch
 from importlib.util import find_spec
 from pathlib import Path
 import re
@@ -75,6 +76,18 @@ html_show_sphinx = False
 rosdoc2_settings = {'enable_intersphinx': False, 'automatically_extend_intersphinx_mapping': False}
 
 
+def _list_other_pages(app: Any, docname: str, source: list[str]) -> None:
+    """Append the pages that no table of contents of the index names, so that new ones join."""
+    if docname != 'index':
+        return
+    named = re.findall(r'^   ([\w/*]+)$', source[0], re.MULTILINE)
+    pages = sorted(path.stem for path in Path(app.srcdir).glob('*.md'))
+    others = [p for p in pages if not any(fnmatch(p, pattern) for pattern in named)]
+    if others:
+        head = ['', '.. toctree::', '   :hidden:', '   :caption: More', '', '']
+        source[0] += '\n'.join(head) + '\n'.join(f'   {page}' for page in others) + '\n'
+
+
 def _link_to_repository(app: Any, doctree: nodes.document) -> None:
     """Replace the links of a page that leave docs/: the site has no such pages."""
     page = ROOT / 'docs' / app.env.docname
@@ -128,5 +141,7 @@ def _copy_standard_documents(app: Any) -> None:
 def setup(app: Any) -> None:
     """Connect the functions above to Sphinx."""
     app.connect('builder-inited', _copy_standard_documents)
+    app.connect('source-read', _list_other_pages)
+    app.connect('env-get-outdated', lambda *_: ['index'])
     app.connect('doctree-read', _link_to_repository)
     app.connect('autodoc-process-docstring', _prepare_for_napoleon, priority=100)

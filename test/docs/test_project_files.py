@@ -7,13 +7,13 @@ import os
 import re
 import subprocess
 
-from blocks import ROOT
+from blocks import PAGES, ROOT
 import p4pfr_ros
 import pytest
 import yaml
 
 WORKFLOW = yaml.safe_load((ROOT / '.github' / 'workflows' / 'ci.yml').read_text())
-SCRIPTS = sorted(path for path in (ROOT / '.ci').iterdir() if path.is_file())
+SCRIPTS = sorted(path for path in (ROOT / '.ci').iterdir() if not path.suffix)
 # Numbers with a decimal point, such as 0.041.
 NUMBER = re.compile(r'(?<![\w.])\d+\.\d+(?![\w.])')
 
@@ -112,3 +112,13 @@ def test_figures_of_the_comparison_are_those_of_the_benchmarks():
 
 def _numbers(text):
     return [float(number) for number in NUMBER.findall(text)]
+
+
+@pytest.mark.parametrize('path', PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_links_lead_to_files(path):
+    """As GitHub follows them; `make docs` checks headings, too."""
+    text = re.sub(r'```.*?```', '', path.read_text(encoding='utf-8'), flags=re.DOTALL)
+    for link in re.findall(r'\]\(([^)\s]+)\)', text):
+        target = link.partition('#')[0]
+        if target and not re.match(r'https?:|\.\./blob/', link):
+            assert (path.parent / target).exists(), link

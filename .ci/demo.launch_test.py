@@ -4,7 +4,7 @@
 """
 The real demo.launch.py, started by launch_testing; needs a ROS installation (.ci/jazzy).
 
-    launch_test test/ros/demo.launch_test.py
+    launch_test .ci/demo.launch_test.py
 """
 
 import unittest
