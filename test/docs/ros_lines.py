@@ -4,8 +4,8 @@
 """
 Checks ``ros2 ...`` lines against the package: executables, launch arguments, parameters, topics.
 
-``ros2`` and ``launch`` are not on PyPI. The tables on the pages of the nodes hold the names of
-topics and services; `test_node_pages` compares them with running nodes.
+``ros2`` and ``launch`` are not on PyPI. The tables on the pages of the nodes have the names of
+topics and services, and config/ the parameters; `test_node_pages` compares both with the nodes.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ import re
 
 from blocks import ROOT
 from launch_stand_in import Run
-from p4pfr_ros.ros.parameters.declare import flattened, replaced
+from p4pfr_ros.ros.parameters.declare import replaced
 from p4pfr_ros.ros.parameters.image_node_options import CameraSimulatorOptions, DetectorNodeOptions
 from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
 import yaml
 
+# Their ranges and choices are checked, too.
 OPTIONS = {
     'pose_node': PoseNodeOptions(),
     'lifecycle_pose_node': PoseNodeOptions(),
@@ -37,10 +38,22 @@ FOREIGN = {
 _ROW = re.compile(r'^\| `([^`]+)` \| (\w+/\w+) \|', re.MULTILINE)
 
 
+def nodes():
+    """Return the names of the nodes: those with a parameter file, and the managed one."""
+    return [*(path.stem for path in (ROOT / 'config').glob('*.yaml')), 'lifecycle_pose_node']
+
+
 def interface_of(node):
     """Return the topics and services of a node with their types, from its page."""
-    page = 'pose_node' if node == 'lifecycle_pose_node' else node
+    page = node.removeprefix('lifecycle_')
     return dict(_ROW.findall((ROOT / 'docs' / f'{page}.md').read_text(encoding='utf-8')))
+
+
+def defaults_of(node):
+    """Return the parameters of a node and their default values, from its parameter file."""
+    text = (ROOT / 'config' / f'{node.removeprefix("lifecycle_")}.yaml').read_text()
+    [content] = yaml.safe_load(text).values()
+    return dict(_flat(content['ros__parameters'], ''))
 
 
 def check_ros2(words):
@@ -81,12 +94,13 @@ def check_remap(node, name):
 def check_parameters(node, values):
     """Check that a node has the parameters, and accepts these values at its start."""
     check_types(node, values)
-    replaced(OPTIONS[node], values)
+    if node in OPTIONS:
+        replaced(OPTIONS[node], values)
 
 
 def check_types(node, values):
     """Check that a node has the parameters, with the types of the values."""
-    defaults = {name: value for name, value, _ in flattened(OPTIONS[node])}
+    defaults = defaults_of(node)
     for name, value in values.items():
         assert name in defaults, f'{node} has no parameter {name}'
         assert type(value) is type(defaults[name]), f'{name}: {value!r}'
@@ -142,7 +156,7 @@ def _check_param(verb, node, name, *value):
     if value:
         check_types(node, {name: yaml.safe_load(value[0])})
     else:
-        assert name in {name for name, _, _ in flattened(OPTIONS[node])}, name
+        assert name in defaults_of(node), name
 
 
 def _check_lifecycle(verb, node, transition):
@@ -152,7 +166,7 @@ def _check_lifecycle(verb, node, transition):
 
 def _check_name(name):
     """Return the type of a topic or service by its full name, in any namespace."""
-    for node in OPTIONS:
+    for node in nodes():
         for known, kind in interface_of(node).items():
             full = known.replace('~', f'/{node}') if known[0] in '~/' else f'/{known}'
             # With several boards: /pose_node/NAME/pose.

@@ -20,7 +20,7 @@ import shlex
 
 from blocks import ROOT
 from p4pfr_ros import cli
-from ros_lines import check_ros2, check_ros_arguments, OPTIONS
+from ros_lines import check_ros2, check_ros_arguments, nodes
 
 # Commands that run until they are stopped, or start other processes: their arguments are checked.
 NOT_STARTED = {'demo', 'live'}
@@ -42,7 +42,16 @@ def _run(words):
     program, *rest = words
     if program == 'p4pfr':
         return _run_p4pfr(rest)
-    checks = {'ros2': check_ros2, 'python': _check_python, 'make': _check_make, 'pip': _check_pip}
+    if program.startswith('.ci/') and not rest:
+        assert (ROOT / program).exists(), program
+        return ''
+    checks = {
+        'ros2': check_ros2,
+        'python': _check_python,
+        'make': _check_make,
+        'pip': _check_pip,
+        'export': _check_export,
+    }
     assert program in checks, f'cannot run {program}: mark the block with <!-- not run: REASON -->'
     checks[program](rest)
     return ''
@@ -68,7 +77,7 @@ def _check_python(words):
         module, rest = words[1], words[2:]
         path = ROOT / (module.replace('.', '/') + '.py')
         assert path.exists(), path
-        if module.rpartition('.')[2] in OPTIONS:
+        if module.rpartition('.')[2] in nodes():
             check_ros_arguments(module.rpartition('.')[2], rest)
             return
         sources = ''.join(p.read_text(encoding='utf-8') for p in path.parent.glob('*.py'))
@@ -87,6 +96,10 @@ def _check_make(words):
     for word in words:
         if '=' not in word:
             assert re.search(rf'^{word}:', makefile, re.MULTILINE), f'make has no {word}'
+
+
+def _check_export(words):
+    assert all(re.match(r'[A-Z_]+=', word) for word in words), words
 
 
 def _check_pip(words):
