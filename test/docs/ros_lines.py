@@ -27,7 +27,8 @@ OPTIONS = {
     'detector_node': DetectorNodeOptions(),
     'camera_simulator': CameraSimulatorOptions(),
 }
-# Executables of other packages that the pages mention; their arguments are not checked.
+# Executables of other packages that the pages mention; of their arguments, our topics are
+# checked.
 FOREIGN = {
     'apriltag_ros': {'apriltag_node'},
     'camera_calibration': {'cameracalibrator'},
@@ -125,6 +126,11 @@ def check_launch_file(path, arguments):
 def _check_run(package, executable, *rest):
     if package != 'p4pfr_ros':
         assert executable in FOREIGN.get(package, ()), f'{package} {executable}'
+        for word in rest:
+            # A topic of ours that the other node is to use.
+            name = word.partition(':=')[2]
+            if name.startswith(tuple(f'/{node}/' for node in nodes())):
+                _check_name(name)
         return
     assert (ROOT / 'scripts' / executable).exists(), executable
     if rest:

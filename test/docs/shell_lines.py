@@ -29,6 +29,7 @@ NOT_STARTED = {'demo', 'live'}
 def run_lines(text):
     """Run a block of shell lines; return what they print."""
     printed = ''
+    text = text.replace('$(ros2 pkg prefix --share p4pfr_ros)', str(ROOT))
     for line in text.replace('\\\n', ' ').splitlines():
         words = shlex.split(line, comments=True)
         while words:
@@ -99,7 +100,10 @@ def _check_make(words):
 
 
 def _check_export(words):
-    assert all(re.match(r'[A-Z_]+=', word) for word in words), words
+    for word in words:
+        name, _, value = word.partition('=')
+        assert re.fullmatch('[A-Z_]+', name), name
+        assert not value.startswith(str(ROOT)) or Path(value).exists(), value
 
 
 def _check_pip(words):

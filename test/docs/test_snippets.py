@@ -39,6 +39,8 @@ def test_blocks_of_a_page_run_in_order(path, folder):
         ('sh', 'python -m benchmarks.minimal --nothing', 'has no --nothing'),
         ('sh', 'ros2 run p4pfr_ros nothing', 'nothing'),
         ('sh', 'ros2 run other node', 'other node'),
+        ('sh', 'ros2 run image_proc rectify_node --ros-args -r a:=/pose_node/b', '/pose_node/b'),
+        ('sh', 'export A=$(ros2 pkg prefix --share p4pfr_ros)/config/nothing', 'nothing'),
         ('sh', 'ros2 run p4pfr_ros pose_node --ros-args -p nothing:=1', 'no parameter nothing'),
         ('sh', 'ros2 run p4pfr_ros pose_node --ros-args -p publish_tf:=1', 'publish_tf: 1'),
         ('sh', 'ros2 run p4pfr_ros pose_node --ros-args -r nothing:=a', 'has no nothing'),
