@@ -108,7 +108,7 @@ opencv46:
 	PYTHON='$(PYTHON)' .ci/opencv46
 
 clean:
-	rm -rf $(VENV) .venv-colcon .venv-opencv46 .colcon build *.egg-info demo.png
+	rm -rf $(VENV) .venv-colcon .venv-opencv46 .colcon build dist *.egg-info demo.png
 	rm -rf docs/api/generated docs/project
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -39,7 +39,7 @@ STANDARD_DOCUMENTS = ('CONTRIBUTING.md', 'SECURITY.md', 'CHANGELOG.rst')
 
 project = 'p4pfr_ros'
 author = 'p4pfr_ros maintainers'
-copyright = f'2026, {author}'
+project_copyright = f'2026, {author}'
 release = version = _PACKAGE_XML.findtext('version', '')
 
 extensions = [

@@ -3,21 +3,26 @@
 
 """A folder with the files that the pages and examples use, rendered."""
 
+import importlib
 from pathlib import Path
 import shutil
-import sys
 
 from blocks import ROOT
 from p4pfr_ros import cli, DivisionCamera
 from p4pfr_ros.files.images import read_image, write_image
 import pytest
 
-sys.path.insert(0, str(ROOT / 'docs'))
-import draw_tour
+
+@pytest.fixture(scope='session')
+def draw_tour():
+    """Give the script that draws the figures of the tour."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(ROOT / 'docs')
+        yield importlib.import_module('draw_tour')
 
 
 @pytest.fixture(scope='session')
-def prepared(tmp_path_factory):
+def prepared(draw_tour, tmp_path_factory):
     """
     Make the files once.
 
