@@ -132,7 +132,7 @@ def _copy_standard_documents(app: Any) -> None:
     folder.mkdir(exist_ok=True)
     for name in STANDARD_DOCUMENTS:
         text = (ROOT / name).read_text(encoding='utf-8')
-        text = re.sub(r'\]\((?!https?:|#)', '](../../', text)
+        text = re.sub(r'\]\((?!https?:|#)', '](../../', text).replace('](../../docs/', '](../')
         page = folder / name.lower()
         if not page.exists() or page.read_text(encoding='utf-8') != text:
             page.write_text(text, encoding='utf-8')
