@@ -47,6 +47,7 @@ $(MADE): setup.py
 	@$(BIN)/python -m pip install --disable-pip-version-check --editable '.[ros,test,lint]' || \
 		{ echo 'make: pip failed, see above. Without a network it cannot download.' >&2; exit 1; }
 	@$(MAKE) --no-print-directory links
+	@$(BIN)/p4pfr compile
 	@touch $@
 
 # The path may contain spaces: a quoted folder, and names relative to it.
@@ -70,7 +71,7 @@ INTERPRETED := test/core/minimal test/core/model test/core/cameras test/core/tes
 # DDS tests run last and alone, because their processes need the cores. They mostly wait, so three
 # modules run at a time, each in its own DDS domain.
 test: venv
-	$(BIN)/python -c 'from p4pfr_ros.ros.runtime.warm_up import *; warm_up(); warm_up_detection()' & compiler=$$!; \
+	$(BIN)/p4pfr compile & compiler=$$!; \
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 1 $(INTERPRETED); status=$$?; \
 	wait $$compiler && exit $$status
 	$(BIN)/python -m pytest -m 'not dds' -n auto --dist loadscope
@@ -110,5 +111,5 @@ opencv46:
 clean:
 	rm -rf $(VENV) .venv-colcon .venv-opencv46 .colcon build dist *.egg-info demo.png
 	rm -rf docs/api/generated docs/project
-	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf p4pfr_ros/_kernels .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

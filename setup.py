@@ -4,8 +4,12 @@
 """Metadata for pip and colcon; colcon does not read it from pyproject.toml."""
 
 from glob import glob
+import os
+import subprocess
+import sys
 
 from setuptools import find_packages, setup
+from setuptools.command.install import install
 
 PACKAGE = 'p4pfr_ros'
 SHARE = f'share/{PACKAGE}'
@@ -24,8 +28,34 @@ AMENT_LINTERS = [
     'ros-ament-pep257<0.18',
 ]
 
+
+class InstallWithKernels(install):
+    """
+    Compiles the kernels beside the installed package: they are found whatever cache is in use.
+
+    colcon runs this command. pip does not: a wheel is for all machines. A packager's ``--root`` is
+    for others, too.
+    """
+
+    def run(self):
+        """Install, then compile; without Numba or OpenCV the nodes do so when they start."""
+        super().run()
+        if 'install' not in sys.argv or self.root:
+            return
+        path = [os.path.abspath(self.install_lib), os.environ.get('PYTHONPATH', '')]
+        done = subprocess.run(
+            [sys.executable, '-m', PACKAGE, 'compile'],
+            cwd=os.sep,
+            env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, path))},
+            check=False,
+        )
+        if done.returncode:
+            print('the kernels are not compiled now but when they are needed', file=sys.stderr)
+
+
 setup(
     name=PACKAGE,
+    cmdclass={'install': InstallWithKernels},
     version='0.1.0',
     description='Pose, focal length and distortion from one view of a flat marker or board',
     maintainer='p4pfr_ros maintainers',

@@ -38,7 +38,7 @@ from p4pfr_ros.cli.arguments import (
     positive,
     require,
 )
-from p4pfr_ros.cli.terminal import print_table, with_progress
+from p4pfr_ros.cli.terminal import prepare_kernels, print_table, with_progress
 from p4pfr_ros.core.cameras.camera_info import MAX_NUMBER
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
@@ -230,6 +230,7 @@ def run(arguments: argparse.Namespace) -> int:
     paths = find_images(arguments.images)
     if arguments.draw:
         _prepare_drawing(arguments.draw, paths)
+    prepare_kernels()
     estimates: list[ImageEstimate] = []
     failures: list[FailedImage] = []
     # Only drawings need colour.

@@ -4,13 +4,21 @@
 """
 Where compiled kernels are stored, and what happens if they cannot be.
 
+Kernels are looked up beside the installed package first, where an installation may have left
+them, then in the user's cache. They are valid for the sources that they were compiled from, which
+is told by a hash in their names: copied files have other times. Numba compiles again for another
+processor, and for another version of itself.
+
 This module stands alone: ``jit`` compiles; this module looks after folders and files.
 """
 
 from __future__ import annotations
 
+import ast
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 import functools
+import hashlib
 import os
 from pathlib import Path
 import pickle
@@ -20,37 +28,98 @@ import tempfile
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
+    _CacheLocator = Any
+    CompileResultCacheImpl = Any
     FunctionCache = Any
+    IndexDataCacheFile: Any
 else:
     try:
-        from numba.core.caching import FunctionCache
+        from numba.core.caching import (
+            _CacheLocator,
+            CompileResultCacheImpl,
+            FunctionCache,
+            IndexDataCacheFile,
+        )
     except ImportError:
-        FunctionCache = object
+        _CacheLocator = CompileResultCacheImpl = FunctionCache = object
+
+_PACKAGE = Path(__file__).parents[1]
+_NAME = 'p4pfr_ros'
+# Left by an installation; it may be read-only.
+INSTALLED_FOLDER = _PACKAGE / '_kernels' / _NAME
+
+# Lines that begin a definition: the imports of a module are above the first.
+_DEFINITIONS = ('@', 'def ', 'class ')
 
 _ADVICE = 'Set NUMBA_CACHE_DIR to a writable folder that lasts.'
 
 
+class _Locator(_CacheLocator):  # type: ignore[misc]
+    """Tells Numba the names of a kernel's files, which contain the hash of its sources."""
+
+    def __init__(self, source: Path) -> None:
+        is_ours = _PACKAGE in source.parents
+        module = source.relative_to(_PACKAGE) if is_ours else Path(source.name)
+        self._name = f'{".".join(module.with_suffix("").parts)}-{sources_digest(source)}'
+
+    def get_cache_path(self) -> str:
+        return ''  # see KernelCache
+
+    def get_source_stamp(self) -> str:
+        return self._name
+
+    def get_disambiguator(self) -> str:
+        return self._name
+
+    @classmethod
+    def from_function(cls, _: Any, file: str) -> _Locator:
+        return cls(Path(file))
+
+
+class _Files(CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes = (_Locator,)
+
+
 class KernelCache(FunctionCache):  # type: ignore[misc]
     """
-    Numba's cache of one function, for disks that are full and files that are damaged.
+    Numba's cache of one function, in two folders, for disks that are full and damaged files.
 
     Numba raises an error in both cases, out of the first call of the kernel. Here a kernel that
     cannot be stored is used without, and one that cannot be read is compiled again.
     """
 
+    _impl_class = _Files
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._installed = self._file_in(INSTALLED_FOLDER)
+        folder = kernel_folder()
+        self._users = None if folder is None else self._file_in(folder)
+
+    def _file_in(self, folder: Path) -> Any:
+        stamp = self._impl.locator.get_source_stamp()
+        return IndexDataCacheFile(str(folder), self._impl.filename_base, stamp)
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the stored kernel, or None."""
-        try:
-            return super().load_overload(sig, target_context)
-        except (OSError, EOFError, pickle.UnpicklingError):
-            with suppress(OSError):
-                self.flush()
-            return None
+        target_context.refresh()
+        key = self._index_key(sig, target_context.codegen())
+        for file in filter(None, (self._installed, self._users)):
+            try:
+                stored = file.load(key)
+                if stored is not None:
+                    return self._impl.rebuild(target_context, stored)
+            except (OSError, EOFError, pickle.UnpicklingError):
+                with suppress(OSError):
+                    file.flush()
+        return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store a kernel, or warn once."""
+        if self._users is None or not self._impl.check_cachable(data):
+            return
         try:
-            super().save_overload(sig, data)
+            self._users.save(self._index_key(sig, data.codegen), self._impl.reduce(data))
         except OSError as error:
             _warn(f'cannot store compiled kernels in {kernel_folder()} ({error.strerror})')
 
@@ -82,9 +151,9 @@ def _root() -> Path | None:
     """Return the folder for kernels that the user's environment determines."""
     base = os.environ.get('NUMBA_CACHE_DIR') or os.environ.get('XDG_CACHE_HOME')
     if base:
-        return Path(base) / 'p4pfr_ros'
+        return Path(base) / _NAME
     try:
-        return Path.home() / '.cache/p4pfr_ros'
+        return Path.home() / '.cache' / _NAME
     except RuntimeError:  # HOME is not set, and the user ID is in no database
         return None
 
@@ -120,3 +189,52 @@ def _create(folder: Path) -> OSError | None:
 def _warn(problem: str) -> None:
     """Print a warning, each once."""
     print(f'p4pfr_ros: {problem}. {_ADVICE}', file=sys.stderr, flush=True)
+
+
+@functools.cache
+def sources_digest(source: Path, package: Path = _PACKAGE) -> str:
+    """Return a short hash of a source and of all sources of the package that it may call."""
+    is_ours = package in source.parents
+    # A source elsewhere, such as a test's, may call everything.
+    found = {source} if is_ours else {source, *package.rglob('*.py')}
+    open_ends = [source] if is_ours else []
+    while open_ends:
+        imported = _imports_of(open_ends.pop(), package) - found
+        found |= imported
+        open_ends += imported
+    digest = hashlib.sha256()
+    for each in sorted(found):
+        name = each.relative_to(package) if package in each.parents else each.name
+        digest.update(f'{name}\n{_file_digest(each)}\n'.encode())
+    return digest.hexdigest()[:16]
+
+
+@functools.cache
+def _file_digest(source: Path) -> str:
+    return hashlib.sha256(source.read_bytes()).hexdigest()
+
+
+@functools.cache
+def _imports_of(source: Path, package: Path) -> frozenset[Path]:
+    """Return the files of the package that a source imports at its top."""
+    lines = source.read_text(encoding='utf-8').splitlines()
+    first = next((i for i, line in enumerate(lines) if line.startswith(_DEFINITIONS)), len(lines))
+    found = {
+        file
+        for node in ast.parse('\n'.join(lines[:first])).body
+        if isinstance(node, ast.ImportFrom)
+        for module in _modules_of(node, source, package)
+        for file in (module.with_suffix('.py'), module / '__init__.py')
+        if file.is_file()
+    }
+    return frozenset(file for file in found if package in file.parents)
+
+
+def _modules_of(node: ast.ImportFrom, source: Path, package: Path) -> Iterator[Path]:
+    """Yield the places, without suffix, of what may be a module in an import."""
+    folder = source.parents[node.level - 1] if node.level else package.parent
+    module = folder.joinpath(*(node.module or '').split('.'))
+    if node.module:
+        yield module
+    for alias in node.names:
+        yield module / alias.name

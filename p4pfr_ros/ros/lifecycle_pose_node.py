@@ -26,7 +26,7 @@ class LifecyclePoseNode(LifecycleNode):  # type: ignore[misc]
     Creates, starts, stops and destroys the pose pipeline on request.
 
     Parameters are declared at once; those that are read-only in pose_node can be changed while the
-    node is unconfigured. Configure loads the files, creates publishers and services and compiles
+    node is unconfigured. Configure loads the files, creates publishers and services and loads
     the kernels; activate subscribes, deactivate unsubscribes; cleanup destroys everything,
     including a calibration that was not saved; ``save_when_calibrated`` saves it before.
 

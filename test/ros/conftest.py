@@ -24,6 +24,7 @@ with warnings.catch_warnings(), suppress(ImportError):
     warnings.simplefilter('ignore', DeprecationWarning)
     import rosidl_generator_py  # noqa: F401
 
+from p4pfr_ros.kernels.processes import are_compiled, compile_all
 import p4pfr_ros.ros  # noqa: F401  (names the ament index)
 import rclpy
 from rclpy.qos import QoSProfile
@@ -110,6 +111,13 @@ class Peer:
         """Stop our processes."""
         stop_all(self.processes)
         self.node.destroy_node()
+
+
+@pytest.fixture(scope='session', autouse=True)
+def _stored_kernels():
+    """Compile the kernels, unless they are stored; otherwise nodes reject the first messages."""
+    if not are_compiled():
+        compile_all(lambda _: None)
 
 
 @pytest.fixture(scope='session')

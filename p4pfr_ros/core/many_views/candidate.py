@@ -32,7 +32,7 @@ from .joint_fit import JointFit
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION
 from ..jit import jit
-from ..linalg import rotate
+from ..linalg import copy_row, rotate
 from ..model.lens import (
     camera_from_lens,
     CX,
@@ -375,7 +375,7 @@ def _evaluate(
             view_block(points, 0, row, common, limit, rows, block)
             break
         cost = lower
-        row[:] = other
+        copy_row(other, row)
     reduce_view(block, 0.0, solved, equations)
     inliers, total = 0, 0.0
     for i in range(len(squares)):

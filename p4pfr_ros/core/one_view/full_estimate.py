@@ -170,18 +170,9 @@ class FullViewProblem(ViewProblem):
     ) -> PoseEstimate:
         """Return the result of the best of the fits that are possible."""
         n, options = len(self.view.image), self.options
-        if self.camera is None:
-            fits = [fit for fit in fits if self._plausible(fit)]
+        fits, cause = self._possible(fits)
         if not fits:
-            return no_estimate(Status.NO_SOLUTION, n, iterations)
-        if any(fit.numbers.inliers < n for fit in fits):
-            fits = [fit for fit in fits if fit.numbers.inliers >= self.fewest_inliers]
-        if not fits:
-            return no_estimate(Status.NO_CONSENSUS, n, iterations)
-        if not options.two_sided:
-            fits = [fit for fit in fits if not shows_back(fit.state)]
-        if not fits:
-            return no_estimate(Status.SEEN_FROM_BEHIND, n, iterations)
+            return no_estimate(cause, n, iterations)
         ranked = self._ranked(fits)
         best, others = ranked[0][1], [fit for _, fit in ranked[1:]]
         model = self._model(best)
@@ -204,6 +195,19 @@ class FullViewProblem(ViewProblem):
             camera_fit=camera_fit,
             focal_limits=None if self.camera else _limits_of(best.numbers),
         )
+
+    def _possible(self, fits: list[ViewFit]) -> tuple[list[ViewFit], Status]:
+        """Return the fits that are possible, and why there is none."""
+        cause = Status.NO_SOLUTION
+        if self.camera is None:
+            fits = [fit for fit in fits if self._plausible(fit)]
+        if any(fit.numbers.inliers < len(self.view.image) for fit in fits):
+            cause = Status.NO_CONSENSUS
+            fits = [fit for fit in fits if fit.numbers.inliers >= self.fewest_inliers]
+        if fits and not self.options.two_sided:
+            cause = Status.SEEN_FROM_BEHIND
+            fits = [fit for fit in fits if not shows_back(fit.state)]
+        return fits, cause
 
     def best_fit(self, rows: Sequence[Array]) -> ViewFit:
         """Return the best of the full fits that start from rows, deviations of usual size."""

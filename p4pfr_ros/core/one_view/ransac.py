@@ -40,6 +40,7 @@ from .least_squares import (
 )
 from ..geometry import Array, Ints
 from ..jit import jit
+from ..linalg import copy_row
 from ..minimal.roots import MAX_ROOTS
 from ..minimal.solution import ROW_SIZE
 from ..minimal.solver import Workspace, workspace
@@ -145,7 +146,7 @@ def search_best(problem: Problem, search: Search, best: Array) -> tuple[int, flo
             score = truncated_cost(row, problem, search.limit, cost)
             if not score < cost:
                 continue
-            best[:] = row
+            copy_row(row, best)
             cost = _local_optimum(score, problem, search.limit, best, work)
             inliers = count_within(best, problem, search.limit)
             if inliers == n and 2 * inliers >= problem.unknowns + _MANY:
@@ -162,11 +163,11 @@ def _local_optimum(
 ) -> float:
     """Refine ``best`` in place if that lowers its cost; return the cost."""
     local = work.local
-    local[:] = best
+    copy_row(best, local)
     minimise(local, problem, _WIDE * limit, _WIDE_STEPS, _LOCAL_TOLERANCE, work.refine)
     lower = minimise(local, problem, limit, _LOCAL_STEPS, _LOCAL_TOLERANCE, work.refine)
     if lower < cost and plausible(local, problem):
-        best[:] = local
+        copy_row(local, best)
         return lower
     return cost
 
@@ -270,11 +271,8 @@ def _largest_triangle(points: Array, chosen: Ints) -> float:
 @jit
 def _triangle(points: Array, chosen: Ints, left_out: int) -> float:
     """Return twice the signed area of the triangle of three of four points."""
-    a = points[chosen[(left_out + 1) % 4]]
-    b = points[chosen[(left_out + 2) % 4]]
-    c = points[chosen[(left_out + 3) % 4]]
-    area: float = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-    return area
+    a, b, c = chosen[(left_out + 1) % 4], chosen[(left_out + 2) % 4], chosen[(left_out + 3) % 4]
+    return _signed_area(points, a, b, c)
 
 
 @jit

@@ -27,6 +27,7 @@ from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.images import write_image
 from p4pfr_ros.files.writing import check_writable
 from p4pfr_ros.files.yaml_fields import ConfigError
+from p4pfr_ros.kernels.processes import are_compiled, compile_with_progress
 from p4pfr_ros.rendering import render
 from p4pfr_ros.report.drawing import annotate, straighten
 from p4pfr_ros.scenes.board_path import SimulatedPath
@@ -39,7 +40,6 @@ from .monitor import Monitor
 from .table import Screen
 from .views import DemoView, Errors, median_errors, Record
 from ..runtime.spin import init_ros
-from ..runtime.warm_up import warm_up, warm_up_detection
 
 IMAGE_SIZE = (640, 480)
 # About 110 degrees along the diagonal, so that the distortion is clearly visible.
@@ -135,9 +135,9 @@ def check_loopback() -> None:
 
 def _compile(console: Console, board: Board) -> None:
     """Compile all kernels once; otherwise each of the three processes would compile them."""
-    console.print('preparing; the first run compiles for some tens of seconds')
-    warm_up()
-    warm_up_detection()
+    console.print('preparing')
+    if not are_compiled():
+        compile_with_progress()
     render(board, CAMERA, SimulatedPath(board, IMAGE_SIZE, 0).at(0.0, CAMERA), IMAGE_SIZE)
 
 

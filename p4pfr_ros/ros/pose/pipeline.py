@@ -5,15 +5,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 import functools
 import time
 from typing import Any
 
 from geometry_msgs.msg import PolygonStamped
-from p4pfr_ros import PoseEstimate, Status
+from p4pfr_ros import PoseEstimate, SelfCalibration, Status
 from p4pfr_ros.boards.symmetry import symmetry_note
 from p4pfr_ros.files.yaml_fields import ConfigError
+from p4pfr_ros.kernels.warm_up import warm_up
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, PointCloud2
 from std_msgs.msg import Header
@@ -31,8 +32,12 @@ from ..parameters.declare import Parameters
 from ..parameters.pose_options import CAMERA_INFO, FIXED, PoseNodeOptions, SELF_CALIBRATE
 from ..runtime.endpoints import Endpoints
 from ..runtime.following import FollowingSubscription
+from ..runtime.kernel_start import KernelStart
 from ..runtime.rejections import Notice, Rejected
-from ..runtime.warm_up import warm_up
+
+# While the kernels are compiled, estimates are interpreted, which takes a hundred times as long.
+# So much time is left for services and for the compiler.
+_INTERPRETED_PERIOD_S = 1.0
 
 
 class PosePipeline:
@@ -40,7 +45,7 @@ class PosePipeline:
     Estimates the pose of a marker or board, the focal length and the distortion, for any node.
 
     Published messages carry the header of the message with the points. The constructor creates
-    publishers and services and compiles the kernels; the pipeline subscribes between ``start``
+    publishers and services and loads the kernels; the pipeline subscribes between ``start``
     and ``stop``, which may be called repeatedly.
 
     Parameters
@@ -59,6 +64,7 @@ class PosePipeline:
 
     def __init__(self, node: Node, config: Parameters[PoseNodeOptions]) -> None:
         self._node, self._config = node, config
+        self._next_interpreted_s = 0.0
         self._lasting, self._subscribed = Endpoints(node), Endpoints(node)
         options, logger = config.options, node.get_logger()
         try:
@@ -77,10 +83,14 @@ class PosePipeline:
             self._reporter = HealthReporter(node, self._lasting, options.camera_name)
             Services(node, self._lasting, self._keeper, self._outputs, self._reporter)
             # So that no message waits for the compiler.
-            warm_up()
+            self._kernels = KernelStart(node, warm_up)
         except Exception:
             self._destroy()
             raise
+
+    def when_ready(self, log_ready: Callable[[], object]) -> None:
+        """Call a function when the kernels are compiled or loaded, now or later."""
+        self._kernels.when_ready(log_ready)
 
     def start(self) -> None:
         """Subscribe; to tags of other detectors if there are boards and their messages."""
@@ -138,6 +148,7 @@ class PosePipeline:
         self._process(msg.header, self._inputs.from_tag_detections(msg, options), options)
 
     def _on_timer(self) -> None:
+        self._reporter.pending = self._kernels.pending
         self._reporter.publish(enabled=self._config.options.enabled)
         self._driver.send_pending()
 
@@ -151,11 +162,16 @@ class PosePipeline:
         if options.enabled:
             received_s = time.monotonic()
             self._reporter.received(received_s)
+            pending = self._kernels.pending
+            if pending and received_s < self._next_interpreted_s:
+                self._reporter.reject(Rejected('compiling', pending))
+                observations = ()
             for observation in observations:
                 if isinstance(observation, Rejected):
                     self._reporter.reject(observation)
                 elif self._is_needed(observation, options):
                     self._estimate(observation, options, received_s)
+                    self._next_interpreted_s = time.monotonic() + _INTERPRETED_PERIOD_S
             self._warn(self._inputs.tf_conflict(options))
             self._publish_synced(header, options)
         self._reporter.publish(enabled=options.enabled)
@@ -175,6 +191,8 @@ class PosePipeline:
         if isinstance(camera, Rejected):
             self._reporter.reject(camera)
             return
+        if self._kernels.pending and isinstance(camera, SelfCalibration):
+            camera = camera.fused  # an interpreted update takes seconds
         if self._outputs.draws_points():
             observation = on_real_board(camera, observation)
         publish = functools.partial(self._publish, observation, options, received_s)

@@ -315,16 +315,6 @@ def test_paths_follow_the_rules_of_camera_info_manager(monkeypatch, given, expec
     assert calibration_path(given, 'left') == Path(expected)
 
 
-def test_without_a_home_directory_a_path_that_needs_one_is_an_error(monkeypatch):
-    """The default path is one that cannot be written; a node that saves nothing starts."""
-    monkeypatch.delenv('HOME')
-    monkeypatch.delenv('ROS_HOME', raising=False)
-    monkeypatch.setattr('pwd.getpwuid', {}.__getitem__)  # a user ID that is in no database
-    assert calibration_path('', 'left') == Path('/.ros/camera_info/left.yaml')
-    with pytest.raises(ConfigError, match=r'^calibration_file: ~/a.yaml: .* home directory'):
-        calibration_path('~/a.yaml', 'left')
-
-
 def test_a_url_of_another_scheme_is_an_error():
     """It is not treated as a path."""
     with pytest.raises(ConfigError, match=r"calibration_file: expected .* got 'package://a/b'"):
