@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INDEX := $(VENV)/share/ament_index/resource_index/packages
 MADE := $(VENV)/.made-from-setup.py
+DOCS_TOOLS := $(VENV)/.docs-tools-from-setup.py
 
 # The ament index of the ROS wheels in the environment. A sourced ROS must not interfere.
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)
@@ -24,12 +25,13 @@ if not (3, 10) <= sys.version_info[:2] <= (3, 13):
 endef
 export CHECK_PYTHON
 
-.PHONY: help venv links demo test lint ament colcon opencv46 clean
+.PHONY: help venv links demo test lint docs ament colcon opencv46 clean
 help:
 	@echo 'make venv      create the environment $(VENV): this package (editable), ROS 2 wheels, tools'
 	@echo 'make demo      run a simulated camera, detector and pose node over DDS; writes demo.png'
 	@echo 'make test      run unit, property and DDS tests'
 	@echo 'make lint      check style and types'
+	@echo 'make docs      build the documentation, build/docs/index.html, and run the notebook'
 	@echo 'make ament     check package.xml against its schema (needs a sourced ROS, or apt)'
 	@echo 'make colcon    build, start and test in a colcon workspace'
 	@echo 'make opencv46  run the image tests with OpenCV 4.6, the oldest supported version'
@@ -79,8 +81,23 @@ lint: venv
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/ament_flake8 --config setup.cfg p4pfr_ros benchmarks docs test launch setup.py
-	$(BIN)/ament_pep257 --add-ignore D401 D402 -- p4pfr_ros benchmarks docs launch setup.py
+	$(BIN)/ament_flake8 --config setup.cfg p4pfr_ros benchmarks docs examples test launch setup.py
+	$(BIN)/ament_pep257 --add-ignore D401 D402 -- p4pfr_ros benchmarks docs examples launch setup.py
+
+# Warnings are errors: a broken link, a page that no table of contents lists.
+docs: $(DOCS_TOOLS)
+	$(BIN)/sphinx-build --fail-on-warning --keep-going --quiet docs build/docs
+	$(BIN)/jupyter-execute --kernel_name python3 notebooks/quickstart.ipynb
+	$(BIN)/check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-config .github/ISSUE_TEMPLATE/config.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-issue-forms \
+		$(filter-out %/config.yml, $(wildcard .github/ISSUE_TEMPLATE/*.yml))
+	@echo 'open build/docs/index.html'
+
+$(DOCS_TOOLS): $(MADE)
+	$(BIN)/python -m pip install --quiet --editable '.[docs]'
+	touch $@
 
 ament:
 	.ci/ament
@@ -92,6 +109,7 @@ opencv46:
 	PYTHON='$(PYTHON)' .ci/opencv46
 
 clean:
-	rm -rf $(VENV) .venv-colcon .venv-opencv46 .colcon build *.egg-info demo.png
+	rm -rf $(VENV) .venv-colcon .venv-opencv46 .colcon build dist *.egg-info demo.png
+	rm -rf docs/api/generated docs/project
 	rm -rf p4pfr_ros/_kernels .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -109,6 +109,8 @@ setup(
             'rich',
             'rosbags>=0.11',
         ],
+        # `make docs`: the site, the notebook, and the schemas of CITATION.cff and .github.
+        'docs': ['check-jsonschema', 'furo', 'ipykernel', 'myst-parser', 'nbclient', 'sphinx'],
         'lint': ['mypy', 'ruff', 'types-PyYAML', *AMENT_LINTERS],
     },
 )

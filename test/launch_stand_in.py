@@ -24,7 +24,7 @@ def perform(value, configurations):
     """Evaluate a substitution, or a list of them, to text."""
     if isinstance(value, (list, tuple)):
         return ''.join(perform(part, configurations) for part in value)
-    return value if isinstance(value, str) else value.perform(configurations)
+    return value.perform(configurations) if hasattr(value, 'perform') else value
 
 
 @dataclass
