@@ -67,9 +67,12 @@ setup(
         ],
         # `p4pfr calibrate --bag`; rosdep has no key for it.
         'bags': ['rosbags>=0.11'],
+        # `p4pfr batch`; rosdep has no key for it.
+        'distributed': ['distributed'],
         # Without pytest here, colcon runs no tests and reports success.
         'test': [
             'catkin-pkg',
+            'distributed',
             'hypothesis',
             'matplotlib',
             'pytest',

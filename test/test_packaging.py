@@ -31,7 +31,7 @@ ROSDEP = {
     'yaml': 'python3-yaml',
 }
 # Optional dependencies that are in no package.xml.
-OPTIONAL = {'apriltag_msgs', 'rosbags'}
+OPTIONAL = {'apriltag_msgs', 'distributed', 'rosbags'}
 COME_WITH_RCLPY = {
     'ament_index_python',
     'builtin_interfaces',
@@ -99,7 +99,13 @@ def test_setup_py_lists_the_imports():
 
 
 @pytest.mark.parametrize(
-    ('extra', 'names'), [('bags', {'rosbags'}), ('cli', {'rich'}), ('plot', {'matplotlib'})]
+    ('extra', 'names'),
+    [
+        ('bags', {'rosbags'}),
+        ('cli', {'rich'}),
+        ('distributed', {'distributed'}),
+        ('plot', {'matplotlib'}),
+    ],
 )
 def test_optional_dependencies_have_an_extra_and_are_tested(extra, names):
     assert requirements(extra) == names

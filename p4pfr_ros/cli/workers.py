@@ -18,6 +18,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
 import multiprocessing
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import wait
 import os
 import signal
@@ -36,8 +37,11 @@ Result = TypeVar('Result')
 _FIRST, _TIMED = 1, 4
 # Processes are started if the images that remain take longer here, s.
 WORTH_S = 2.0
-# Images per process that are read in advance.
-_AHEAD = 3
+# With more images, processes are likely to be worth it.
+_LIKELY = 100
+_IMPORTED = ['p4pfr_ros.cli.estimate', 'p4pfr_ros.cli.calibrate']
+# Images that are sent to a process together, and such tasks per process that wait.
+_PER_TASK, _AHEAD = 8, 2
 
 
 def available_cores() -> int:
@@ -68,34 +72,36 @@ def in_order(
     """
     waiting = iter(items)
     if jobs > 1:
+        if total is not None and total > _LIKELY:
+            _start_server()
         yield from map(function, islice(waiting, _FIRST))
         began_s = time.perf_counter()
         yield from map(function, islice(waiting, _TIMED))
         each_s = (time.perf_counter() - began_s) / _TIMED
         left = None if total is None else total - _FIRST - _TIMED
         if left is None or left * each_s > WORTH_S:
-            yield from _on_processes(function, waiting, jobs if left is None else min(jobs, left))
+            # A stream may be live: then each image counts.
+            per_task = 1 if left is None else max(1, min(_PER_TASK, left // (_AHEAD * jobs)))
+            yield from _on_processes(function, waiting, jobs, per_task)
             return
     yield from map(function, waiting)
 
 
 def _on_processes(
-    function: Callable[[Item], Result], items: Iterator[Item], jobs: int
+    function: Callable[[Item], Result], items: Iterator[Item], jobs: int, per_task: int
 ) -> Iterator[Result]:
-    # Forked from a server that has imported everything: cheaper than to import in each, and safe
-    # where this process has threads (OpenCV's, the progress bar's), unlike its own forks.
     context = multiprocessing.get_context('forkserver')
-    context.set_forkserver_preload(['p4pfr_ros.cli.estimate', 'p4pfr_ros.cli.calibrate'])
+    _start_server()
     executor = ProcessPoolExecutor(jobs, context, _prepare_worker)
-    futures: deque[Future[Result]] = deque()
+    futures: deque[Future[list[Result]]] = deque()
     try:
-        for item in items:
-            with _without_interrupts():
-                futures.append(executor.submit(function, item))
-            if len(futures) > _AHEAD * jobs:
-                yield futures.popleft().result()
+        while chunk := list(islice(items, per_task)):
+            with without_interrupts():
+                futures.append(executor.submit(_all, function, chunk))
+            while futures and (len(futures) > _AHEAD * jobs or futures[0].done()):
+                yield from futures.popleft().result()
         while futures:
-            yield futures.popleft().result()
+            yield from futures.popleft().result()
     except BrokenProcessPool:
         raise ConfigError(
             'a worker process ended unexpectedly, maybe for lack of memory: try --jobs 1'
@@ -104,10 +110,25 @@ def _on_processes(
         executor.shutdown(cancel_futures=True)
 
 
+def _start_server() -> None:
+    """Start the process that others are forked from; it imports what they need meanwhile."""
+    # Cheaper than to import in each, and safe where this process has threads (OpenCV's, the
+    # progress bar's), unlike its own forks.
+    multiprocessing.get_context('forkserver').set_forkserver_preload(_IMPORTED)
+    with without_interrupts():
+        forkserver.ensure_running()
+
+
+def _all(function: Callable[[Item], Result], items: list[Item]) -> list[Result]:
+    return [function(item) for item in items]
+
+
 @contextmanager
-def _without_interrupts() -> Iterator[None]:
+def without_interrupts() -> Iterator[None]:
     """Start processes and threads that ignore Ctrl-C, which is for this process alone."""
-    # They inherit the mask. The processes end when this one shuts them down.
+    # They inherit the mask. The processes end when this one shuts them down. The tracker comes
+    # first: Python unblocks the signal when it starts it.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

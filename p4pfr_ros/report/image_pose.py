@@ -28,6 +28,7 @@ from p4pfr_ros.detection import detect, Detection
 from p4pfr_ros.files.calibration import Calibration
 from p4pfr_ros.files.image_sources import NamedImage, seconds
 from p4pfr_ros.files.images import ImageArray, uncalibrated_size, write_image
+from p4pfr_ros.report.calibration_run import DetectedImage
 from p4pfr_ros.report.drawing import annotate
 
 CSV_COLUMNS = (
@@ -147,7 +148,10 @@ def estimate_image(
 
 
 def estimate_detection(
-    named: NamedImage, image_size: tuple[int, int], detection: Detection, given: Given
+    named: NamedImage | DetectedImage,
+    image_size: tuple[int, int],
+    detection: Detection,
+    given: Given,
 ) -> ImageEstimate | FailedImage:
     """Estimate the pose of a detected board; the image itself is not used."""
     if detection.reason:
@@ -177,7 +181,9 @@ def estimate_detection(
     )
 
 
-def _failed(named: NamedImage, reason: str, status: Status | None = None) -> FailedImage:
+def _failed(
+    named: NamedImage | DetectedImage, reason: str, status: Status | None = None
+) -> FailedImage:
     return FailedImage(named.name, reason, status, named.stamp_ns, named.recording)
 
 

@@ -74,6 +74,13 @@ def test_printed_boards_need_matplotlib(tmp_path):
     assert output.exists()
 
 
+def test_a_batch_needs_distributed(tmp_path):
+    run = run_without(['distributed'], 'batch', tmp_path, '--board', CHESSBOARD, '-o', tmp_path)
+    command = install_command(EXTRAS['distributed'])
+    message = f'p4pfr: batches of recordings need distributed: {command}\n'
+    assert (run.returncode, run.stdout, run.stderr) == (1, '', message)
+
+
 def test_the_demo_needs_rich():
     run = run_without(['rich'], 'demo')
     assert (run.returncode, run.stdout, run.stderr) == (1, '', TABLES)
