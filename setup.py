@@ -39,11 +39,11 @@ setup(
         (SHARE, ['package.xml']),
         (
             f'{SHARE}/config',
-            [p for kind in ('yaml', 'rviz', 'json') for p in glob(f'config/*.{kind}')],
+            [p for kind in ('yaml', 'rviz', 'json', 'xml') for p in glob(f'config/*.{kind}')],
         ),
         (f'{SHARE}/config/boards', glob('config/boards/*.yaml')),
         (f'{SHARE}/launch', glob('launch/*.launch.py')),
-        # `ros2 run` and launch look for executables here; pip installs no console scripts here.
+        # `ros2 run` and launch look for executables here; console scripts are in bin/.
         (f'lib/{PACKAGE}', glob('scripts/*')),
     ],
     zip_safe=False,
@@ -65,7 +65,8 @@ setup(
             'ros-jazzy-rclpy',
             'ros-jazzy-rmw-fastrtps-cpp',
         ],
-        # `p4pfr calibrate --bag`; rosdep has no key for it.
+        # `p4pfr calibrate --bag`. Not in package.xml: rosdep installs it by pip, and ROS's build
+        # farm releases no package that needs pip.
         'bags': ['rosbags>=0.11'],
         # `p4pfr batch`; rosdep has no key for it.
         'distributed': ['distributed'],

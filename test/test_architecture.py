@@ -26,7 +26,7 @@ FLOORS = (
     {'cli', 'ros'},
 )
 CORE_FLOORS = (
-    {'geometry', 'jit', 'linalg', 'options'},
+    {'geometry', 'jit', 'kernel_cache', 'linalg', 'options'},
     {'cameras'},
     {'minimal'},
     {'model'},

@@ -19,6 +19,7 @@ from p4pfr_ros.boards.units import unit_note
 from p4pfr_ros.cli.workers import available_cores
 from p4pfr_ros.core.options import option_of
 from p4pfr_ros.files.boards import load_board
+from p4pfr_ros.files.calibration import Calibration, load_calibration
 from p4pfr_ros.files.image_sources import is_bag
 from p4pfr_ros.files.images import DEFAULT_DECODING
 
@@ -112,6 +113,24 @@ def add_source_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='N',
         help='larger images are rejected before they are decoded (default: %(default)g)',
     )
+
+
+def add_camera_name(parser: argparse.ArgumentParser) -> None:
+    """Add what selects a camera in a calibration file."""
+    parser.add_argument(
+        '--camera-name',
+        default='',
+        metavar='NAME',
+        help="which camera of the calibration file, if that is one of Kalibr's chains with several",
+    )
+
+
+def load_camera(arguments: argparse.Namespace) -> Calibration:
+    """Load the calibration file; print to stderr what it does not say and was assumed."""
+    calibration = load_calibration(arguments.camera, arguments.camera_name)
+    if calibration.assumed:
+        print(f'p4pfr: {arguments.camera}: {calibration.assumed}', file=sys.stderr)
+    return calibration
 
 
 def add_jobs(parser: argparse.ArgumentParser) -> None:

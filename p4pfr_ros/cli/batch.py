@@ -11,9 +11,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 import hashlib
 import json
+import logging
 from pathlib import Path
 import sys
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from p4pfr_ros import EstimateOptions
 from p4pfr_ros.cli.arguments import (
@@ -36,9 +37,6 @@ from p4pfr_ros.report.recording import (
     RecordingTask,
     SUMMARY_COLUMNS,
 )
-
-if TYPE_CHECKING:
-    from distributed import Client, Future
 
 _EPILOG = """\
 A recording is a bag, a video, or a folder of images. Each is calibrated by
@@ -119,7 +117,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(arguments: argparse.Namespace) -> int:
     """Process the recordings; return 1 if any failed."""
-    for module in ('distributed', 'matplotlib', 'rich'):
+    _distributed()
+    for module in ('matplotlib', 'rich'):
         require(module)
     recordings = _recordings(arguments)
     summaries: dict[str, dict[str, Any]] = {}
@@ -208,8 +207,18 @@ def _done_before(recording: Recording) -> dict[str, Any] | None:
     return summary if is_complete and done.get('key') == recording.key else None
 
 
+def _distributed() -> Any:
+    """Import the library: slow, and an optional dependency."""
+    try:
+        import distributed
+    except ImportError:
+        require('distributed')
+        raise
+    return distributed
+
+
 @contextmanager
-def _client(address: str | None, jobs: int) -> Iterator[Client]:
+def _client(address: str | None, jobs: int) -> Iterator[Any]:
     """
     Connect to a scheduler: at an address, or of processes on this machine.
 
@@ -219,16 +228,13 @@ def _client(address: str | None, jobs: int) -> Iterator[Client]:
         There is no scheduler, or its workers have another version of this package.
 
     """
-    import logging
-
-    from distributed import Client, LocalCluster
-
+    distributed = _distributed()
     # What it logs about workers that end, each becomes a row of the summary if it matters.
     logging.getLogger('distributed').setLevel(logging.CRITICAL)
     if address is None:
         # Its threads start the processes, which ignore Ctrl-C like them.
         with without_interrupts():
-            cluster = LocalCluster(
+            cluster = distributed.LocalCluster(
                 n_workers=jobs,
                 threads_per_worker=1,
                 host=_LOOPBACK,
@@ -239,11 +245,11 @@ def _client(address: str | None, jobs: int) -> Iterator[Client]:
                 memory_limit=None,
                 silence_logs=logging.CRITICAL,
             )
-        with cluster, Client(cluster) as client:
+        with cluster, distributed.Client(cluster) as client:
             yield client
         return
     try:
-        client = Client(address, timeout=_CONNECTION_TIMEOUT_S)
+        client = distributed.Client(address, timeout=_CONNECTION_TIMEOUT_S)
     except (OSError, ValueError) as error:
         raise ConfigError(f'--scheduler {address}: expected a scheduler: {error}') from None
     with client:
@@ -253,29 +259,25 @@ def _client(address: str | None, jobs: int) -> Iterator[Client]:
 
 
 def _processed(
-    client: Client, recordings: Sequence[Recording]
+    client: Any, recordings: Sequence[Recording]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the name and the summary of each recording when it is done and its files written."""
-    from distributed import as_completed
-
     futures = {
         client.submit(
             process_recording, each.task, key=f'{each.name}-{each.key}', pure=False
         ): each
         for each in recordings
     }
-    for future in as_completed(list(futures)):
+    for future in _distributed().as_completed(list(futures)):
         recording = futures.pop(future)
         yield recording.name, _finished(future, recording)
         future.release()
 
 
-def _finished(future: Future, recording: Recording) -> dict[str, Any]:
+def _finished(future: Any, recording: Recording) -> dict[str, Any]:
     """Write the results of a recording; return its summary, or what went wrong."""
-    from distributed import KilledWorker
-
     error = future.exception()
-    if isinstance(error, KilledWorker):
+    if isinstance(error, _distributed().KilledWorker):
         return {'error': 'its worker processes ended, maybe for lack of memory'}
     if error is not None:
         kind = '' if isinstance(error, ConfigError) else f'{type(error).__name__}: '

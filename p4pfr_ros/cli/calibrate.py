@@ -169,7 +169,9 @@ def _write(
             file=sys.stderr,
         )
         return 1
-    save_calibration(arguments.output, calibration)
+    backup = save_calibration(arguments.output, calibration)
+    if backup is not None:
+        print(f'p4pfr: {backup}: the old file, by another program', file=sys.stderr)
     if not arguments.json:
         print(f'{arguments.output}: written')
     return 0

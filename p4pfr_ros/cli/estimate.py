@@ -15,6 +15,7 @@ import sys
 
 from p4pfr_ros import EstimateOptions, PoseEstimate
 from p4pfr_ros.cli.arguments import (
+    add_camera_name,
     add_estimate_option,
     add_estimate_switch,
     add_jobs,
@@ -24,12 +25,12 @@ from p4pfr_ros.cli.arguments import (
     finite,
     in_range,
     load_board_with_notes,
+    load_camera,
     print_reasons,
 )
 from p4pfr_ros.cli.terminal import print_note, print_table, with_progress
 from p4pfr_ros.cli.workers import in_order
 from p4pfr_ros.core.cameras.camera_info import MAX_NUMBER
-from p4pfr_ros.files.calibration import load_calibration
 from p4pfr_ros.files.dependencies import require
 from p4pfr_ros.files.image_sources import find_images, Frame, open_source
 from p4pfr_ros.files.images import Decoding
@@ -111,13 +112,23 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add_jobs(parser)
     add('--board', required=True, metavar='FILE', help='board file (YAML)')
     _add_outputs(parser)
+    _add_camera(parser)
+    add_estimate_option(parser, '--threshold', 'threshold_px', 'PX')
+    add_estimate_option(parser, '--seed', 'seed', 'N')
+    add_estimate_switch(parser, '--two-sided', 'two_sided')
+    _add_priors(parser)
+
+
+def _add_camera(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
     add(
         '--camera',
         type=Path,
         metavar='FILE',
-        help='calibration file (YAML) of the camera, and of the shape of the board: only the '
-        'pose is estimated (default: an unknown camera)',
+        help='calibration file (YAML of ROS, OpenCV or Kalibr) of the camera, and of the shape '
+        'of the board: only the pose is estimated (default: an unknown camera)',
     )
+    add_camera_name(parser)
     add(
         '--center',
         nargs=2,
@@ -125,10 +136,6 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar=('X', 'Y'),
         help='principal point, px (default: the image centre)',
     )
-    add_estimate_option(parser, '--threshold', 'threshold_px', 'PX')
-    add_estimate_option(parser, '--seed', 'seed', 'N')
-    add_estimate_switch(parser, '--two-sided', 'two_sided')
-    _add_priors(parser)
 
 
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
@@ -173,7 +180,7 @@ def run(arguments: argparse.Namespace) -> int:
         load_board_with_notes(arguments.board),
         _options(arguments),
         tuple(arguments.center) if arguments.center else None,
-        load_calibration(arguments.camera) if arguments.camera else None,
+        load_camera(arguments) if arguments.camera else None,
     )
     if arguments.draw:
         _prepare_drawing(arguments.draw, find_images(paths))

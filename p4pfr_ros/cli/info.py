@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 from p4pfr_ros import CameraEstimate, CameraInfoModel
+from p4pfr_ros.cli.arguments import add_camera_name, load_camera
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.files.calibration import Calibration, load_calibration
+from p4pfr_ros.files.calibration import Calibration
 from p4pfr_ros.report.camera_json import camera_info_as_json, estimate_as_json
 from p4pfr_ros.report.number_format import lens_terms, plus_minus, shape_text
 
@@ -39,12 +40,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser.set_defaults(run=run)
     parser.add_argument('camera', type=Path, metavar='CAMERA', help='calibration file (YAML)')
+    add_camera_name(parser)
     parser.add_argument('--json', action='store_true', help='print a JSON object')
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the calibration."""
-    calibration = load_calibration(arguments.camera)
+    calibration = load_camera(arguments)
     if arguments.json:
         print(json.dumps(_as_json(calibration), allow_nan=False))
         return 0

@@ -14,14 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros import CameraInfoModel, DivisionCamera
 from p4pfr_ros.cli.arguments import (
+    add_camera_name,
     add_source_arguments,
     checked_sources,
     in_range,
+    load_camera,
     print_reasons,
 )
 from p4pfr_ros.cli.terminal import with_progress
 from p4pfr_ros.core.cameras.camera_info import COEFFICIENTS
-from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
+from p4pfr_ros.files.calibration import Calibration, save_calibration
 from p4pfr_ros.files.image_sources import find_images, NamedImage, open_source
 from p4pfr_ros.files.images import Decoding, uncalibrated_size, write_image
 from p4pfr_ros.files.yaml_fields import ConfigError
@@ -52,6 +54,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add = parser.add_argument
     add_source_arguments(parser)
     add('--camera', required=True, type=Path, metavar='FILE', help='calibration file (YAML)')
+    add_camera_name(parser)
     add('-o', '--output', required=True, type=Path, metavar='DIR', help='folder to write to')
     add(
         '--max-fov',
@@ -65,7 +68,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(arguments: argparse.Namespace) -> int:
     """Undistort the images; return 1 if any was rejected."""
     paths = checked_sources(arguments)
-    calibration = load_calibration(arguments.camera)
+    calibration = load_camera(arguments)
     camera = calibration.estimate.camera if calibration.estimate else calibration.model
     _prepare(arguments.output, find_images(paths))
     size, max_fov_deg = calibration.image_size, arguments.max_fov

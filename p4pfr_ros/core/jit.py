@@ -13,13 +13,14 @@ from __future__ import annotations
 from collections.abc import Callable
 import functools
 import hashlib
-import os
 from pathlib import Path
 import sys
 from typing import Any, cast, TypeVar
 import warnings
 
 import numpy as np
+
+from .kernel_cache import kernel_folder, KernelCache
 
 try:
     import numba
@@ -74,13 +75,19 @@ def _compiled(function: Function, **options: Any) -> Function:
     # Numba checks only the file that a kernel is defined in, and would use a stale copy after a
     # change of a kernel that it calls in another file. So the name of the cache folder contains a
     # hash of all sources that a kernel may call. Numba reads it at decoration only.
-    previous = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_cache_folder(_room(Path(function.__code__.co_filename))))
-    try:
-        compiled: Function = numba.njit(cache=True, **options)(function)
-    finally:
-        numba.config.CACHE_DIR = previous
-    return compiled
+    compiled: Any = numba.njit(**options)(function)
+    folder = kernel_folder()
+    if folder is not None:
+        previous = numba.config.CACHE_DIR
+        digests = _digests(_room(Path(function.__code__.co_filename)))
+        numba.config.CACHE_DIR = str(folder / digests)
+        try:
+            compiled._cache = KernelCache(function)
+        except RuntimeError:  # a folder in it is not writable
+            pass
+        finally:
+            numba.config.CACHE_DIR = previous
+    return cast(Function, compiled)
 
 
 def _interpreted(function: Function) -> Function:
@@ -112,13 +119,10 @@ def _room(source: Path) -> Path:
 
 
 @functools.cache
-def _cache_folder(room: Path) -> Path:
-    """Return the folder for the kernels of a room, which may call those of core and their own."""
-    base = os.environ.get('NUMBA_CACHE_DIR') or os.environ.get('XDG_CACHE_HOME')
-    root = Path(base) if base else Path.home() / '.cache'
+def _digests(room: Path) -> str:
+    """Return the hashes of a room's kernels, which may call those of core and their own."""
     core = Path(__file__).parent
-    digests = [sources_digest(folder) for folder in dict.fromkeys((core, room))]
-    return root / 'p4pfr_ros' / '-'.join(digests)
+    return '-'.join(sources_digest(folder) for folder in dict.fromkeys((core, room)))
 
 
 if numba is None:

@@ -78,7 +78,10 @@ def read_stdin(how: Decoding, every: int = 1) -> Iterator[VideoFrame | bytes]:
     """
     # Without a buffer, whose lock a waiting thread would hold when the process ends.
     stream = io.FileIO(sys.stdin.fileno(), closefd=False)
-    first = stream.read(_ENOUGH_FOR_A_HEADER)
+    first = b''
+    # A pipe may begin with a few bytes.
+    while len(first) < _ENOUGH_FOR_A_HEADER and (more := stream.read(_ENOUGH_FOR_A_HEADER)):
+        first += more
     if not first:
         raise ConfigError('standard input: expected images or a video, got nothing')
     if is_image(first):

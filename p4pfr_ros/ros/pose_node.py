@@ -33,6 +33,11 @@ class PoseNode(Node):  # type: ignore[misc]
         self._pipeline.start()
         self.get_logger().info('ready')
 
+    def destroy_node(self) -> None:
+        """Save the calibration if that is an option, and destroy the node."""
+        self._pipeline.close()
+        super().destroy_node()
+
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run pose_node until SIGINT or SIGTERM."""

@@ -234,7 +234,8 @@ def _estimate_by_model(
 @functools.lru_cache(maxsize=16)
 def _closest(model: CameraInfoModel) -> DivisionCamera:
     """Return the closest division camera; cached for the next view."""
-    return division_camera_from_model(model)[0]
+    # The rays are exact, so the pixels of a camera without skew may stand for those with skew.
+    return division_camera_from_model(replace(model, skew_px=0.0))[0]
 
 
 def _estimate_from_four(view: ViewProblem) -> PoseEstimate:
