@@ -121,7 +121,7 @@ def add_camera_name(parser: argparse.ArgumentParser) -> None:
         '--camera-name',
         default='',
         metavar='NAME',
-        help="which camera of the calibration file, if that is one of Kalibr's chains with several",
+        help="which camera of the calibration file, if it is Kalibr's chain of several",
     )
 
 
