@@ -54,6 +54,11 @@ def listening_addresses(group):
     return found
 
 
+def own_lines(err):
+    """Return the lines of stderr but those on the compilation of kernels."""
+    return [line for line in err.splitlines() if not line.startswith('p4pfr_ros: ')]
+
+
 def end(process):
     """Kill the group of a process that a test started in a session of its own."""
     with suppress(ProcessLookupError):
