@@ -98,9 +98,12 @@ setup(
         # `p4pfr calibrate --bag`. Not in package.xml: rosdep installs it by pip, and ROS's build
         # farm releases no package that needs pip.
         'bags': ['rosbags>=0.11'],
+        # `p4pfr batch`; rosdep has no key for it.
+        'distributed': ['distributed'],
         # Without pytest here, colcon runs no tests and reports success.
         'test': [
             'catkin-pkg',
+            'distributed',
             'hypothesis',
             'matplotlib',
             'pytest',

@@ -33,7 +33,7 @@ ROSDEP = {
 }
 # Modules that no package may depend on that ROS's build farm releases: they are imported in a
 # `try` only, and users install them. rosbags has a rosdep key that installs it by pip.
-NOT_RELEASED = {'isaac_ros_apriltag_interfaces', 'rosbags'}
+NOT_RELEASED = {'distributed', 'isaac_ros_apriltag_interfaces', 'rosbags'}
 
 
 @pytest.fixture(scope='module')
@@ -148,7 +148,13 @@ def test_setup_py_lists_the_imports():
 
 
 @pytest.mark.parametrize(
-    ('extra', 'names'), [('bags', {'rosbags'}), ('cli', {'rich'}), ('plot', {'matplotlib'})]
+    ('extra', 'names'),
+    [
+        ('bags', {'rosbags'}),
+        ('cli', {'rich'}),
+        ('distributed', {'distributed'}),
+        ('plot', {'matplotlib'}),
+    ],
 )
 def test_optional_dependencies_have_an_extra_and_are_tested(extra, names):
     assert requirements(extra) == names

@@ -1,7 +1,7 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks output paths early, and writes text files atomically."""
+"""Checks output paths early, and writes files atomically."""
 
 from __future__ import annotations
 
@@ -51,8 +51,13 @@ def not_writable(path: str | os.PathLike[str], error: OSError | ValueError) -> C
 
 
 def write_atomically(path: str | os.PathLike[str], text: str) -> None:
+    """Write a text file like `write_bytes_atomically`."""
+    write_bytes_atomically(path, text.encode())
+
+
+def write_bytes_atomically(path: str | os.PathLike[str], data: bytes) -> None:
     """
-    Write a text file such that a reader sees either the old content or the new.
+    Write a file such that a reader sees either the old content or the new.
 
     This holds if the process is killed at any time and, as far as the disk honours fsync, on
     power loss. Missing folders are created; symbolic links are followed. Mode and owner of an
@@ -66,7 +71,7 @@ def write_atomically(path: str | os.PathLike[str], text: str) -> None:
         device. The old file stays.
 
     """
-    _write(path, text.encode())
+    _write(path, data)
 
 
 def back_up(path: str | os.PathLike[str]) -> Path:

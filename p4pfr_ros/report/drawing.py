@@ -11,7 +11,9 @@ import math
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from p4pfr_ros.boards import Board
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.core.minimal.solution import Solution
@@ -19,7 +21,9 @@ from p4pfr_ros.detection import Detection
 from p4pfr_ros.detection.candidates import NO_CODE, RejectedCandidate
 from p4pfr_ros.files.images import ImageArray
 
-__all__ = ['annotate', 'straighten', 'straightened_camera']
+__all__ = ['annotate', 'remap', 'straighten', 'straightened_camera', 'straightening_map']
+
+AnyCamera = DivisionCamera | CameraInfoModel
 
 # Blue, green, red.
 _CORNER, _OUTLINE = (0, 215, 255), (255, 160, 0)
@@ -80,27 +84,38 @@ def annotate(
     return np.asarray(canvas)
 
 
-def straighten(
-    image: ImageArray, camera: DivisionCamera, *, max_fov_deg: float = 120.0
-) -> ImageArray:
+def straighten(image: ImageArray, camera: AnyCamera, *, max_fov_deg: float = 120.0) -> ImageArray:
     """
     Undistort an image, as seen by the pinhole camera `straightened_camera`.
 
-    The image size stays the same; pixels outside the original image are black.
+    The image size stays the same; pixels outside the original image are black. For many images
+    of one camera, compute the `straightening_map` once.
     """
     height, width = image.shape[:2]
-    pinhole = straightened_camera(camera, (width, height), max_fov_deg=max_fov_deg)
+    return remap(image, straightening_map(camera, (width, height), max_fov_deg=max_fov_deg))
+
+
+def straightening_map(
+    camera: AnyCamera, image_size: tuple[int, int], *, max_fov_deg: float = 120.0
+) -> NDArray[np.float32]:
+    """Return for each pixel of the undistorted image where it is in the image: (h, w, 2)."""
+    width, height = image_size
+    pinhole = straightened_camera(camera, image_size, max_fov_deg=max_fov_deg)
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
     source_px = camera.project(pinhole.unproject(pixels))
     # (-9, -9), which is outside the image, for rays that no pixel sees.
     source_px = np.where(np.isfinite(source_px), np.clip(source_px, -9.0, 1e5), -9.0)
-    x, y = np.moveaxis(source_px.astype(np.float32), -1, 0)
-    undistorted = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-    return np.asarray(undistorted)
+    return source_px.astype(np.float32)
+
+
+def remap(image: ImageArray, source_px: NDArray[np.float32]) -> ImageArray:
+    """Return the image with its pixels taken from other places (h, w, 2), interpolated."""
+    interpolation, border = cv2.INTER_LINEAR, cv2.BORDER_CONSTANT
+    return np.asarray(cv2.remap(image, source_px, None, interpolation, borderMode=border))
 
 
 def straightened_camera(
-    camera: DivisionCamera, image_size: tuple[int, int], *, max_fov_deg: float = 120.0
+    camera: AnyCamera, image_size: tuple[int, int], *, max_fov_deg: float = 120.0
 ) -> DivisionCamera:
     """
     Return the pinhole camera with the same image size that covers a camera's field of view.

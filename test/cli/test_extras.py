@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 
+from p4pfr_ros.files.dependencies import EXTRAS, install_command
 import pytest
 from rendered import CHESSBOARD, write_scene
 
@@ -17,8 +18,10 @@ sys.modules.update(dict.fromkeys({missing!r}))
 from p4pfr_ros.cli import main
 sys.exit(main({arguments!r}))
 """
-TABLES = "p4pfr: tables need rich: pip install 'p4pfr_ros[cli]'\n"
-PLOTS = "p4pfr: plots and printed boards need matplotlib: pip install 'p4pfr_ros[plot]'\n"
+TABLES = f'p4pfr: tables need rich: {install_command(EXTRAS["rich"])}\n'
+PLOTS = (
+    f'p4pfr: plots and printed boards need matplotlib: {install_command(EXTRAS["matplotlib"])}\n'
+)
 
 
 @pytest.fixture
@@ -69,6 +72,13 @@ def test_printed_boards_need_matplotlib(tmp_path):
     assert (run.returncode, run.stdout, run.stderr) == (1, '', PLOTS)
     assert run_without(['rich'], 'board', CHESSBOARD, '-o', output).returncode == 0
     assert output.exists()
+
+
+def test_a_batch_needs_distributed(tmp_path):
+    run = run_without(['distributed'], 'batch', tmp_path, '--board', CHESSBOARD, '-o', tmp_path)
+    command = install_command(EXTRAS['distributed'])
+    message = f'p4pfr: batches of recordings need distributed: {command}\n'
+    assert (run.returncode, run.stdout, run.stderr) == (1, '', message)
 
 
 def test_the_demo_needs_rich():
