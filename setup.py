@@ -33,7 +33,7 @@ setup(
     license='Apache-2.0',
     python_requires='>=3.10',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['py.typed']},
+    package_data={PACKAGE: ['py.typed', 'live/web/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (SHARE, ['package.xml']),
@@ -65,10 +65,13 @@ setup(
             'ros-jazzy-rclpy',
             'ros-jazzy-rmw-fastrtps-cpp',
         ],
+        # `p4pfr live` and dashboard_node.
+        'live': ['aiohttp'],
         # `p4pfr calibrate --bag`; rosdep has no key for it.
         'bags': ['rosbags>=0.11'],
         # Without pytest here, colcon runs no tests and reports success.
         'test': [
+            'aiohttp',
             'catkin-pkg',
             'hypothesis',
             'matplotlib',
@@ -77,6 +80,7 @@ setup(
             'pytest-xdist',
             'rich',
             'rosbags>=0.11',
+            'selenium',
         ],
         'lint': ['mypy', 'ruff', 'types-PyYAML', *AMENT_LINTERS],
     },

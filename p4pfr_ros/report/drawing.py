@@ -13,13 +13,13 @@ import cv2
 import numpy as np
 from p4pfr_ros.boards import Board
 from p4pfr_ros.core.cameras.division import DivisionCamera
-from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.core.geometry import Array, Pose
 from p4pfr_ros.core.minimal.solution import Solution
 from p4pfr_ros.detection import Detection
 from p4pfr_ros.detection.candidates import NO_CODE, RejectedCandidate
 from p4pfr_ros.files.images import ImageArray
 
-__all__ = ['annotate', 'straighten', 'straightened_camera']
+__all__ = ['Straightener', 'annotate', 'board_lines', 'straighten', 'straightened_camera']
 
 # Blue, green, red.
 _CORNER, _OUTLINE = (0, 215, 255), (255, 160, 0)
@@ -80,6 +80,40 @@ def annotate(
     return np.asarray(canvas)
 
 
+class Straightener:
+    """
+    Undistorts images of one camera; the map from pixel to pixel is computed once.
+
+    Parameters
+    ----------
+    camera
+        The camera with distortion.
+    image_size
+        Width and height of the images, pixels.
+    max_fov_deg
+        See `straightened_camera`.
+
+    """
+
+    def __init__(
+        self, camera: DivisionCamera, image_size: tuple[int, int], *, max_fov_deg: float = 120.0
+    ) -> None:
+        width, height = image_size
+        pinhole = straightened_camera(camera, image_size, max_fov_deg=max_fov_deg)
+        pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+        source_px = camera.project(pinhole.unproject(pixels))
+        # (-9, -9), which is outside the image, for rays that no pixel sees.
+        source_px = np.where(np.isfinite(source_px), np.clip(source_px, -9.0, 1e5), -9.0)
+        self._x, self._y = np.moveaxis(source_px.astype(np.float32), -1, 0)
+
+    def straighten(self, image: ImageArray) -> ImageArray:
+        """Undistort an image of the same size; pixels outside the original image are black."""
+        undistorted = cv2.remap(
+            image, self._x, self._y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
+        )
+        return np.asarray(undistorted)
+
+
 def straighten(
     image: ImageArray, camera: DivisionCamera, *, max_fov_deg: float = 120.0
 ) -> ImageArray:
@@ -89,14 +123,7 @@ def straighten(
     The image size stays the same; pixels outside the original image are black.
     """
     height, width = image.shape[:2]
-    pinhole = straightened_camera(camera, (width, height), max_fov_deg=max_fov_deg)
-    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
-    source_px = camera.project(pinhole.unproject(pixels))
-    # (-9, -9), which is outside the image, for rays that no pixel sees.
-    source_px = np.where(np.isfinite(source_px), np.clip(source_px, -9.0, 1e5), -9.0)
-    x, y = np.moveaxis(source_px.astype(np.float32), -1, 0)
-    undistorted = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-    return np.asarray(undistorted)
+    return Straightener(camera, (width, height), max_fov_deg=max_fov_deg).straighten(image)
 
 
 def straightened_camera(
@@ -182,34 +209,55 @@ def _draw_candidates(
             _write_at(canvas, candidate.reason, (left, bottom), _REJECTED, size)
 
 
-def _draw_board(canvas: ImageArray, solution: Solution, board: Board, scale: float) -> None:
+def board_lines(
+    board: Board, camera_from_board: Pose, camera: DivisionCamera
+) -> dict[str, list[Array]]:
+    """
+    Project the outline of a board's sheet and its axes, distorted by the lens.
+
+    Returns
+    -------
+    By the names 'outline', 'x', 'y' and 'z' the visible parts of the lines, each (N, 2) pixels.
+
+    """
     width_m, height_m = board.sheet_size_m
     x, y = 0.5 * width_m, 0.5 * height_m
-    outline = [(-x, y, 0.0), (x, y, 0.0), (x, -y, 0.0), (-x, -y, 0.0), (-x, y, 0.0)]
-    for start, end in pairwise(outline):
-        _draw_line(canvas, solution, start, end, _OUTLINE, 1.5 * scale)
+    corners = np.array([(-x, y, 0.0), (x, y, 0.0), (x, -y, 0.0), (-x, -y, 0.0), (-x, y, 0.0)])
+    lines = {'outline': np.concatenate([_segments(*ends) for ends in pairwise(corners)])}
     length_m = 0.35 * min(board.sheet_size_m)
-    for axis, colour in zip(np.eye(3), _AXES, strict=True):
-        end = tuple((length_m * axis).tolist())
-        _draw_line(canvas, solution, (0.0, 0.0, 0.0), end, colour, 3.0 * scale)
+    for name, axis in zip('xyz', np.eye(3), strict=True):
+        lines[name] = _segments(np.zeros(3), length_m * axis)
+    return {
+        name: _visible_parts(camera.project(camera_from_board.transform(points)))
+        for name, points in lines.items()
+    }
 
 
-def _draw_line(
-    canvas: ImageArray,
-    solution: Solution,
-    start: tuple[float, ...],
-    end: tuple[float, ...],
-    colour: tuple[int, int, int],
-    thickness_px: float,
-) -> None:
-    """Draw a straight line of the board frame, distorted by the lens."""
-    in_board = np.linspace(start, end, _SEGMENTS + 1)
-    in_camera = solution.camera_from_board.transform(in_board)
-    pixels = solution.camera.project(in_camera)
+def _segments(start: Array, end: Array) -> Array:
+    """Divide a straight line into segments: (N, 3)."""
+    points: Array = np.linspace(start, end, _SEGMENTS + 1)
+    return points
+
+
+def _visible_parts(pixels: Array) -> list[Array]:
+    """Cut a projected line (N, 2) where it is not visible."""
     # Far outside the image, the integer coordinates of cv2 would overflow.
     visible = np.isfinite(pixels).all(axis=1) & (np.abs(pixels) < 1e5).all(axis=1)
     gaps = np.flatnonzero(np.diff(np.flatnonzero(visible)) > 1) + 1
-    for part in np.split(pixels[visible], gaps):
+    return [part for part in np.split(pixels[visible], gaps) if len(part)]
+
+
+def _draw_board(canvas: ImageArray, solution: Solution, board: Board, scale: float) -> None:
+    lines = board_lines(board, solution.camera_from_board, solution.camera)
+    _draw_line(canvas, lines['outline'], _OUTLINE, 1.5 * scale)
+    for name, colour in zip('xyz', _AXES, strict=True):
+        _draw_line(canvas, lines[name], colour, 3.0 * scale)
+
+
+def _draw_line(
+    canvas: ImageArray, parts: list[Array], colour: tuple[int, int, int], thickness_px: float
+) -> None:
+    for part in parts:
         points = np.rint(part * 2**_SHIFT).astype(np.int32)
         thickness = max(1, round(thickness_px))
         cv2.polylines(canvas, [points], False, colour, thickness, cv2.LINE_AA, _SHIFT)
