@@ -19,7 +19,11 @@ from p4pfr_ros.files.yaml_fields import ConfigError
 _DEFAULTS = EstimateOptions()
 _SUFFIXES = {'.bmp', '.jpeg', '.jpg', '.pbm', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp'}
 # By module: the features that need it, and the extra of pip that installs it.
-_EXTRAS = {'matplotlib': ('plots and printed boards', 'plot'), 'rich': ('tables', 'cli')}
+_EXTRAS = {
+    'aiohttp': ('web pages', 'live'),
+    'matplotlib': ('plots and printed boards', 'plot'),
+    'rich': ('tables', 'cli'),
+}
 
 
 def finite(text: str) -> float:

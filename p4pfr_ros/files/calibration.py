@@ -109,9 +109,14 @@ def save_calibration(path: str | os.PathLike[str], calibration: Calibration) -> 
         The path is not writable.
 
     """
+    write_atomically(path, calibration_text(calibration))
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """Return the content of a calibration file."""
     tree = _tree_from(calibration)
-    text = yaml.dump(tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None)
-    write_atomically(path, text)
+    text: str = yaml.dump(tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None)
+    return text
 
 
 def load_calibration(path: str | os.PathLike[str]) -> Calibration:

@@ -59,8 +59,8 @@ class Target:
     """
     A view to take next.
 
-    camera_from_board
-        Where to hold the board.
+    board, camera_from_board
+        The board, and where to hold it.
     camera
         The camera that sees it.
     sigma_px
@@ -68,6 +68,7 @@ class Target:
         as there is no camera.
     """
 
+    board: Board
     camera_from_board: Pose
     camera: DivisionCamera
     sigma_px: float
@@ -107,7 +108,7 @@ class Guide:
             self._last, self._poses = None, []
             rotation = tilted_rotation(_TILT_RAD, 0.5 * math.pi * (len(views) % 4), 0.0)
             pose = self._placed(rotation, 0.65, np.array(image_center_px(self._image_size)))
-            return Target(pose, self._typical, math.nan)
+            return Target(self._board, pose, self._typical, math.nan)
         poses = self._unseen(self._poses_for(estimate.camera), estimate.camera, views)
         stays = self._last is not None and self._last.camera_from_board in poses
         information = _information(estimate, poses, _sample_points(self._board))
@@ -116,7 +117,7 @@ class Guide:
         if self._last is not None and stays:
             last = poses.index(self._last.camera_from_board)
             best = last if sigmas[last] * _BETTER < sigmas[best] else best
-        self._last = Target(poses[best], estimate.camera, float(sigmas[best]))
+        self._last = Target(self._board, poses[best], estimate.camera, float(sigmas[best]))
         return self._last
 
     def _unseen(

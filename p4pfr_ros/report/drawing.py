@@ -92,19 +92,32 @@ class Straightener:
         Width and height of the images, pixels.
     max_fov_deg
         See `straightened_camera`.
+    step_px
+        The map is computed at every so many pixels in x and y, and interpolated between them:
+        fast, for images that only people look at.
 
     """
 
     def __init__(
-        self, camera: DivisionCamera, image_size: tuple[int, int], *, max_fov_deg: float = 120.0
+        self,
+        camera: DivisionCamera,
+        image_size: tuple[int, int],
+        *,
+        max_fov_deg: float = 120.0,
+        step_px: int = 1,
     ) -> None:
         width, height = image_size
         pinhole = straightened_camera(camera, image_size, max_fov_deg=max_fov_deg)
-        pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+        # With a margin of one step, so that all pixels are between two of these.
+        x, y = (step_px * (np.arange(-1, side // step_px + 2) + 0.5) - 0.5 for side in image_size)
+        pixels = np.stack(np.meshgrid(x, y), axis=-1)
         source_px = camera.project(pinhole.unproject(pixels))
         # (-9, -9), which is outside the image, for rays that no pixel sees.
         source_px = np.where(np.isfinite(source_px), np.clip(source_px, -9.0, 1e5), -9.0)
-        self._x, self._y = np.moveaxis(source_px.astype(np.float32), -1, 0)
+        size = (step_px * len(x), step_px * len(y))
+        enlarged = cv2.resize(source_px.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+        inside = enlarged[step_px : step_px + height, step_px : step_px + width]
+        self._x, self._y = (np.ascontiguousarray(inside[..., i]) for i in (0, 1))
 
     def straighten(self, image: ImageArray) -> ImageArray:
         """Undistort an image of the same size; pixels outside the original image are black."""
@@ -223,7 +236,8 @@ def board_lines(
     width_m, height_m = board.sheet_size_m
     x, y = 0.5 * width_m, 0.5 * height_m
     corners = np.array([(-x, y, 0.0), (x, y, 0.0), (x, -y, 0.0), (-x, -y, 0.0), (-x, y, 0.0)])
-    lines = {'outline': np.concatenate([_segments(*ends) for ends in pairwise(corners)])}
+    edges = [_segments(*ends)[:-1] for ends in pairwise(corners)]
+    lines = {'outline': np.concatenate([*edges, corners[-1:]])}
     length_m = 0.35 * min(board.sheet_size_m)
     for name, axis in zip('xyz', np.eye(3), strict=True):
         lines[name] = _segments(np.zeros(3), length_m * axis)
