@@ -103,7 +103,8 @@ def run(arguments: argparse.Namespace) -> int:
     finally:
         server.stop()
     if not session.is_saved:
-        print('p4pfr: the camera was not saved', file=sys.stderr)
+        what = 'was not saved' if session.saved is None else 'has changed since it was saved'
+        print(f'p4pfr: the camera {what}', file=sys.stderr)
     return 0
 
 

@@ -4,9 +4,8 @@
 """
 The next view: where to hold the board so that the camera becomes known better.
 
-Of some tens of poses the one is chosen after which projections over the whole image are expected
-to be known best: "next best view" of Peng and Sturm, Calibration Wizard, ICCV 2019, with our
-measure of uncertainty.
+Of a hundred poses the one is chosen after which the camera is expected to be known best: the "next
+best view" of Peng and Sturm, Calibration Wizard, ICCV 2019, with our measures of uncertainty.
 
 This module stands alone because it knows nothing of a session: a camera in, a pose and words out.
 """
@@ -19,19 +18,28 @@ import itertools
 import math
 
 import numpy as np
-from p4pfr_ros import CameraEstimate, DivisionCamera, Keyframe, Pose
+from p4pfr_ros import CalibrationOptions, CameraEstimate, DivisionCamera, Keyframe, Pose
 from p4pfr_ros.boards import Board
 from p4pfr_ros.core.geometry import Array, rotation_angle_rad
 from p4pfr_ros.core.many_views.progress import projection_sigmas_px
-from p4pfr_ros.core.model.lens import camera_from_lens, lens_from_camera, LENS_SIZE
+from p4pfr_ros.core.model.lens import (
+    camera_from_lens,
+    CX,
+    CY,
+    FOCAL,
+    lens_from_camera,
+    LENS_SIZE,
+)
 from p4pfr_ros.core.model.observation import image_center_px
 from p4pfr_ros.core.model.prior import typical_focal_px
+from p4pfr_ros.core.model.uncertainty import sigma_at
 from p4pfr_ros.scenes.board_path import outline_of, placed, tilted_rotation
 
-# The poses to choose from: tilts with their directions in quarters of a turn, and shares of the
-# image that the board fills.
+# The poses to choose from: tilts with their directions in quarters of a turn, turns about the line
+# of sight, and shares of the image that the board fills.
 _TILT_RAD = math.radians(35.0)
 _TILTS = ((0.0, 0), *((_TILT_RAD, quarters) for quarters in range(4)))
+_ROLLS_RAD = (0.0, 0.5 * math.pi)
 _FILLS = (0.45, 0.8)
 # Margin around a target, as a share of the image.
 _MARGIN = 0.04
@@ -63,15 +71,15 @@ class Target:
         The board, and where to hold it.
     camera
         The camera that sees it.
-    sigma_px
-        Expected rms standard deviation of projections over the image after the view; NaN as long
-        as there is no camera.
+    uncertainty
+        What is expected after the view, in tolerances; see `_uncertainty_after`. NaN as long as
+        there is no camera.
     """
 
     board: Board
     camera_from_board: Pose
     camera: DivisionCamera
-    sigma_px: float
+    uncertainty: float
 
 
 class Guide:
@@ -84,11 +92,15 @@ class Guide:
         The board to hold.
     image_size
         Width and height of the image, pixels.
+    options
+        The tolerances to reach.
 
     """
 
-    def __init__(self, board: Board, image_size: tuple[int, int]) -> None:
-        self._board, self._image_size = board, image_size
+    def __init__(
+        self, board: Board, image_size: tuple[int, int], options: CalibrationOptions
+    ) -> None:
+        self._board, self._image_size, self._options = board, image_size, options
         focal_px = typical_focal_px(0.5 * math.hypot(*image_size))
         # To draw targets while there is no other.
         self._typical = DivisionCamera(focal_px, image_center_px(image_size))
@@ -98,7 +110,7 @@ class Guide:
 
     def next_target(self, estimate: CameraEstimate | None, views: Sequence[Keyframe]) -> Target:
         """
-        Return the view after which projections over the image are expected to be known best.
+        Return the view after which the camera is expected to be known best.
 
         estimate: the camera, if any; views: those that it is estimated from. Without a camera the
         board is to be tilted, to another side after each view. A target stays until there is a
@@ -112,12 +124,17 @@ class Guide:
         poses = self._unseen(self._poses_for(estimate.camera), estimate.camera, views)
         stays = self._last is not None and self._last.camera_from_board in poses
         information = _information(estimate, poses, _sample_points(self._board))
-        sigmas = np.array([_sigma_after(estimate, each, self._image_size) for each in information])
-        best = int(np.nanargmin(sigmas)) if np.isfinite(sigmas).any() else 0
+        after = np.array(
+            [
+                _uncertainty_after(estimate, each, self._image_size, self._options)
+                for each in information
+            ]
+        )
+        best = int(np.nanargmin(after)) if np.isfinite(after).any() else 0
         if self._last is not None and stays:
             last = poses.index(self._last.camera_from_board)
-            best = last if sigmas[last] * _BETTER < sigmas[best] else best
-        self._last = Target(self._board, poses[best], estimate.camera, float(sigmas[best]))
+            best = last if after[last] * _BETTER < after[best] else best
+        self._last = Target(self._board, poses[best], estimate.camera, float(after[best]))
         return self._last
 
     def _unseen(
@@ -154,8 +171,8 @@ class Guide:
             for share in itertools.product(shares, shares):
                 free = (1.0 - filled - 2.0 * _MARGIN) * np.array(share)
                 middle_px = (_MARGIN + 0.5 * filled + free) * size_px - 0.5
-                for tilt_rad, quarters in _TILTS:
-                    rotation = tilted_rotation(tilt_rad, 0.5 * math.pi * quarters, 0.0)
+                for (tilt_rad, quarters), roll_rad in itertools.product(_TILTS, _ROLLS_RAD):
+                    rotation = tilted_rotation(tilt_rad, 0.5 * math.pi * quarters, roll_rad)
                     pose = self._placed(rotation, filled, middle_px)
                     pixels = self._posed_for.project(pose.transform(outline))
                     # False for NaN.
@@ -214,20 +231,32 @@ def _by_lens(estimate: CameraEstimate, in_camera: Array) -> Array:
     return columns.transpose(1, 2, 0)
 
 
-def _sigma_after(
-    estimate: CameraEstimate, information: Array, image_size: tuple[int, int]
+def _uncertainty_after(
+    estimate: CameraEstimate,
+    information: Array,
+    image_size: tuple[int, int],
+    options: CalibrationOptions,
 ) -> float:
-    """Return the expected rms standard deviation of projections over the image after a view."""
+    """
+    Return the expected uncertainty of the camera after a view, in tolerances.
+
+    The root of the sum of squares of three shares: focal length, centre, and projections over the
+    whole image, rms.
+    """
     if not np.isfinite(information).all():
         return math.nan
-    covariance = estimate.covariance
+    camera, covariance = estimate.camera, estimate.covariance
     after = covariance @ np.linalg.inv(np.eye(LENS_SIZE) + information @ covariance)
+    after = 0.5 * (after + after.T)
     axes = [
         (np.arange(n) + 0.5) * side / n - 0.5 for n, side in zip(_GRID, image_size, strict=True)
     ]
     grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    sigmas = projection_sigmas_px(estimate.camera, 0.5 * (after + after.T), grid)
-    return float(np.sqrt(np.mean(sigmas**2)))
+    projection = projection_sigmas_px(camera, after, grid) / options.projection_tolerance_px
+    focal = sigma_at(after, FOCAL) / (options.focal_tolerance * camera.focal_px)
+    center_px = max(sigma_at(after, CX), sigma_at(after, CY))
+    center = center_px / (options.center_tolerance * math.hypot(*image_size))
+    return math.sqrt(float(np.mean(projection**2)) + focal**2 + center**2)
 
 
 def directions(target: Target, pose: Pose, image_size: tuple[int, int]) -> tuple[str, ...]:

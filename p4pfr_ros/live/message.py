@@ -39,25 +39,20 @@ _USED = (Verdict.USED, Verdict.RESTARTED)
 
 
 class MessageWriter:
-    """
-    Writes messages; images and maps are prepared once for all who watch.
+    """Writes messages; images and maps are prepared once for all who watch."""
 
-    Parameters
-    ----------
-    options
-        The tolerances of the calibration.
-
-    """
-
-    def __init__(self, options: CalibrationOptions) -> None:
-        self._options = options
+    def __init__(self) -> None:
         self._images: tuple[int, bytes, bytes] = (-1, b'', b'')
         self._maps: tuple[int, dict[str, Any]] = (-1, {})
         self._straightener: tuple[int, Straightener | None] = (-1, None)
 
-    def write(self, snapshot: Snapshot, maps_version: int) -> bytes:
-        """Return the message; maps are left out if the receiver has those of this version."""
-        tree = state_tree(snapshot, self._options)
+    def write(self, snapshot: Snapshot, options: CalibrationOptions, maps_version: int) -> bytes:
+        """
+        Return the message.
+
+        options: the tolerances. Maps are left out if the receiver has those of this version.
+        """
+        tree = state_tree(snapshot, options)
         version = snapshot.progress.version
         if version != maps_version:
             if self._maps[0] != version:

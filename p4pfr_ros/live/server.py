@@ -63,14 +63,20 @@ class LiveServer:
     def __init__(self, session: LiveSession, host: str, port: int, token: str = '') -> None:
         self._session, self._host = session, host
         self._access = Access(host, token)
-        self._writer = MessageWriter(session.options)
+        self._writer = MessageWriter()
         self._sockets: set[web.WebSocketResponse] = set()
         self._socket = _listening(host, port)
         self.port: int = self._socket.getsockname()[1]
-        self._loop = asyncio.new_event_loop()
-        self._changed: asyncio.Condition
+        # Of the thread.
+        self._loop: asyncio.AbstractEventLoop
+        # Set, and replaced, at the next change.
+        self._changed: asyncio.Event
         self._ends: asyncio.Event
-        self._thread = threading.Thread(target=self._serve, name='live server', daemon=True)
+        self._writing: asyncio.Lock
+        self._started: Future[None] = Future()
+        self._thread = threading.Thread(
+            target=lambda: asyncio.run(self._run()), name='live server', daemon=True
+        )
 
     @property
     def url(self) -> str:
@@ -81,25 +87,18 @@ class LiveServer:
 
     def start(self) -> None:
         """Serve from now on."""
-        started: Future[None] = Future()
-        self._started = started
         self._thread.start()
-        started.result(_START_S)
+        self._started.result(_START_S)
 
     def stop(self) -> None:
         """Close all connections, and end the thread."""
         self._loop.call_soon_threadsafe(self._ends.set)
         self._thread.join(_START_S)
 
-    def _serve(self) -> None:
-        asyncio.set_event_loop(self._loop)
-        try:
-            self._loop.run_until_complete(self._run())
-        finally:
-            self._loop.close()
-
     async def _run(self) -> None:
-        self._changed, self._ends = asyncio.Condition(), asyncio.Event()
+        self._loop = asyncio.get_running_loop()
+        self._changed, self._ends = asyncio.Event(), asyncio.Event()
+        self._writing = asyncio.Lock()
         runner = web.AppRunner(self._application(), access_log=None, shutdown_timeout=2.0)
         await runner.setup()
         await web.SockSite(runner, self._socket).start()
@@ -168,11 +167,12 @@ class LiveServer:
                 await self._send_newer(page, *await asked.get())
 
     async def _send_newer(self, page: web.WebSocketResponse, sequence: int, maps: int) -> None:
-        async with self._changed:
-            await self._changed.wait_for(lambda: self._session.snapshot.sequence != sequence)
-            snapshot = self._session.snapshot
-            # One after another: all pages share the images of one snapshot.
-            data = await asyncio.to_thread(self._writer.write, snapshot, maps)
+        while self._session.snapshot.sequence == sequence:
+            await self._changed.wait()
+        snapshot, options = self._session.snapshot, self._session.options
+        # One after another: all pages share the images of one snapshot.
+        async with self._writing:
+            data = await asyncio.to_thread(self._writer.write, snapshot, options, maps)
         await page.send_bytes(data)
 
     async def _download(self, _: web.Request) -> web.Response:
@@ -201,12 +201,12 @@ class LiveServer:
 
     def _on_change(self) -> None:
         """Wake up the pages that wait; called in any thread."""
-        if not self._loop.is_closed():
-            asyncio.run_coroutine_threadsafe(self._notify(), self._loop)
+        with suppress(RuntimeError):  # the loop is closed
+            self._loop.call_soon_threadsafe(self._notify)
 
-    async def _notify(self) -> None:
-        async with self._changed:
-            self._changed.notify_all()
+    def _notify(self) -> None:
+        self._changed.set()
+        self._changed = asyncio.Event()
 
     async def _close_sockets(self, _: web.Application) -> None:
         for page in set(self._sockets):

@@ -184,13 +184,13 @@ class LiveSession:
         self._boards = tuple(boards.values())
         self.output, self.camera_name = output, camera_name
         self.options = options or CalibrationOptions()
-        self._robust = robust
+        self._robust = robust or EstimateOptions()
+        self._saved: Calibration | None = None
         self._lock = threading.RLock()
         self._listeners: list[Callable[[], None]] = []
         self._snapshot = Snapshot()
         self._calibration: SelfCalibration | None = None
         self._times_s: deque[float] = deque(maxlen=_RATE_IMAGES)
-        self._saved_estimate: CameraEstimate | None = None
         self._restart()
 
     @property
@@ -199,9 +199,15 @@ class LiveSession:
         return self._snapshot
 
     @property
+    def saved(self) -> Calibration | None:
+        """The camera that was saved last, since the last reset."""
+        return self._saved
+
+    @property
     def is_saved(self) -> bool:
         """Whether the present camera is saved, or there is none."""
-        return self._snapshot.progress.estimate is self._saved_estimate
+        estimate = self._snapshot.progress.estimate
+        return estimate is None or (self._saved is not None and self._saved.estimate is estimate)
 
     def add_listener(self, listener: Callable[[], None]) -> None:
         """Call a function after each change, in the thread that made it."""
@@ -216,8 +222,15 @@ class LiveSession:
         self._times_s.clear()
         self._publish(is_paused=is_paused, rate_hz=0.0)
 
+    def set_options(self, options: CalibrationOptions, robust: EstimateOptions) -> None:
+        """Set the options; the calibration restarts if they are others."""
+        with self._lock:
+            if (options, robust) != (self.options, self._robust):
+                self.options, self._robust = options, robust
+                self.reset()
+
     def reset(self) -> None:
-        """Drop the camera and all views."""
+        """Drop the camera and all views; a saved file stays."""
         with self._lock:
             self._restart()
             progress = Progress(version=self._snapshot.progress.version + 1)
@@ -240,7 +253,7 @@ class LiveSession:
                 save_calibration(self.output, calibration)
             except ConfigError as error:
                 return False, str(error)
-            self._saved_estimate = calibration.estimate
+            self._saved = calibration
             words = f'saved to {self.output}'
             if self._snapshot.progress.state is not CalibrationState.CALIBRATED:
                 words += '; the camera is not calibrated yet'
@@ -286,13 +299,13 @@ class LiveSession:
         self._before: list[Detection | None] = [None] * len(self._boards)
         self._rejected: deque[RejectedView] = deque(maxlen=_MOST_REJECTED)
         self._changes: deque[CameraChange] = deque(maxlen=_MOST_CHANGES)
-        self._saved_estimate = None
+        self._saved = None
 
     def _prepare(self, size: tuple[int, int]) -> str:
         """Begin a calibration with the first image; return why an image cannot be used."""
         if self._calibration is None:
             self._calibration = SelfCalibration(size, options=self.options, robust=self._robust)
-            self._guide = Guide(self._boards[0], size)
+            self._guide = Guide(self._boards[0], size, self.options)
         if self._calibration.image_size == size:
             return ''
         expected = '{}x{}'.format(*self._calibration.image_size)

@@ -16,7 +16,7 @@ from rclpy.parameter_client import AsyncParameterClient
 pytestmark = pytest.mark.dds
 
 BOARD = 'boards: {board: {type: chessboard, columns: 9, rows: 6, square_m: 0.025}}\n'
-NODES = ['pose_node', 'detector_node', 'camera_simulator']
+NODES = ['pose_node', 'detector_node', 'camera_simulator', 'dashboard_node']
 
 
 @pytest.fixture
@@ -27,12 +27,17 @@ def board_file(tmp_path):
     return path
 
 
+def required(name, board_file):
+    """Return the parameters that a node cannot start without, and a port that is free."""
+    parameters = {} if name == 'pose_node' else {'board_file': board_file}
+    return parameters | ({'port': 0} if name == 'dashboard_node' else {})
+
+
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
 @pytest.mark.parametrize('name', NODES)
 def test_a_signal_exits_cleanly(peer, board_file, name, number):
     """With status 0 and without a traceback."""
-    parameters = {} if name == 'pose_node' else {'board_file': board_file}
-    node = peer.start(name, parameters=parameters)
+    node = peer.start(name, parameters=required(name, board_file))
     assert node.stop(number) == 0
     assert 'Traceback' not in node.output
     assert 'rror' not in node.output
@@ -164,8 +169,7 @@ def test_parameter_services_validate_changes(peer):
 def test_a_node_reads_its_config_file(peer, board_file, name):
     """config/<node>.yaml has no unknown parameter."""
     config = os.path.join(os.path.dirname(__file__), '../../config', f'{name}.yaml')
-    parameters = {} if name == 'pose_node' else {'board_file': board_file}
-    node = peer.start(name, params_file=config, parameters=parameters)
+    node = peer.start(name, params_file=config, parameters=required(name, board_file))
     assert 'unknown parameter' not in node.output
 
 
