@@ -26,7 +26,7 @@ from p4pfr_ros.cli.arguments import (
 )
 from p4pfr_ros.cli.terminal import print_table, with_progress
 from p4pfr_ros.files.boards import load_board
-from p4pfr_ros.files.calibration import Calibration, save_calibration
+from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
 from p4pfr_ros.files.images import image_or_reason, ImageArray
 from p4pfr_ros.files.pixel_formats import Unreadable
 from p4pfr_ros.files.writing import check_writable
@@ -42,8 +42,8 @@ used it. Images without the board are reported on stderr and otherwise ignored.
 The output is a YAML file of camera_calibration, which camera drivers load. It
 is written if the camera is calibrated, that is, if all uncertainties are
 within tolerance; otherwise the reason is printed to stderr and the exit status
-is 1. --force writes an uncalibrated camera as well. The report of --plot is
-written in either case.
+is 1. --force writes an uncalibrated camera as well. The reports of --plot and
+--report are written in either case.
 
 With --json, each line is a JSON object for one image, and the last line holds
 the camera, or null if there is none. Lengths are in pixels unless they have
@@ -101,6 +101,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add('-o', '--output', required=True, type=Path, metavar='FILE', help='output file (YAML)')
     add('--name', default='camera', help='camera_name in the output (default: %(default)s)')
     add('--plot', type=Path, metavar='FILE', help='write a report as .png, .svg or .pdf')
+    add('--report', type=Path, metavar='FILE', help='write a report as one .html file')
+    add(
+        '--compare',
+        type=Path,
+        metavar='FILE',
+        help='calibration file (YAML) to compare the camera with, in the report',
+    )
     add('--json', action='store_true', help='print JSON lines instead of a table')
     add('--force', action='store_true', help='write the camera even if it is not calibrated')
     add_estimate_option(parser, '--threshold', 'threshold_px', 'PX')
@@ -114,7 +121,10 @@ def run(arguments: argparse.Namespace) -> int:
     options = EstimateOptions(
         threshold_px=arguments.threshold, seed=arguments.seed, two_sided=arguments.two_sided
     )
-    calibration_run = CalibrationRun(load_board(arguments.board), options)
+    calibration_run = CalibrationRun(
+        load_board(arguments.board), options, with_thumbnails=arguments.report is not None
+    )
+    other = load_calibration(arguments.compare) if arguments.compare else None
     with _source(arguments) as source:
         for named in with_progress(source.images, source.count, prints=arguments.json):
             result = calibration_run.add(named)
@@ -127,7 +137,7 @@ def run(arguments: argparse.Namespace) -> int:
         print_views(calibration_run.records)
         print_rejected(calibration_run.rejected, source.name if arguments.bag else None)
         _print_summary(calibration_run, calibration)
-    return _write(arguments, calibration_run, calibration)
+    return _write(arguments, calibration_run, calibration, other)
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -145,6 +155,12 @@ def _check(arguments: argparse.Namespace) -> None:
 
         check_suffix(arguments.plot)
         check_writable(arguments.plot)
+    if arguments.compare and not arguments.report:
+        arguments.usage_error('--compare requires --report')
+    if arguments.report:
+        if arguments.report.suffix.lower() not in ('.html', '.htm'):
+            raise ConfigError(f'{arguments.report}: expected a file name ending in .html')
+        check_writable(arguments.report)
 
 
 def _source(arguments: argparse.Namespace) -> AbstractContextManager[ImageSource]:
@@ -195,7 +211,10 @@ def _calibration(calibration_run: CalibrationRun, name: str) -> Calibration | No
 
 
 def _write(
-    arguments: argparse.Namespace, calibration_run: CalibrationRun, calibration: Calibration | None
+    arguments: argparse.Namespace,
+    calibration_run: CalibrationRun,
+    calibration: Calibration | None,
+    other: Calibration | None,
 ) -> int:
     if calibration is None or calibration_run.calibration is None:
         reason = (
@@ -208,6 +227,11 @@ def _write(
         from p4pfr_ros.report.plots import write_report
 
         write_report(arguments.plot, calibration_run.calibration, calibration_run.records)
+    if arguments.report:
+        from p4pfr_ros.report.html import OtherCamera, write_html_report
+
+        compared = OtherCamera(str(arguments.compare), other) if other else None
+        write_html_report(arguments.report, calibration_run, calibration, compared)
     state = calibration_run.calibration.state
     if state is not CalibrationState.CALIBRATED and not arguments.force:
         missing = '; '.join(calibration_run.calibration.missing)

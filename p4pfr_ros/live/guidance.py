@@ -63,7 +63,7 @@ _MOST_WORDS = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Target:
+class NextView:
     """
     A view to take next.
 
@@ -104,11 +104,11 @@ class Guide:
         focal_px = typical_focal_px(0.5 * math.hypot(*image_size))
         # To draw targets while there is no other.
         self._typical = DivisionCamera(focal_px, image_center_px(image_size))
-        self._last: Target | None = None
+        self._last: NextView | None = None
         self._poses: list[Pose] = []
         self._posed_for = self._typical
 
-    def next_target(self, estimate: CameraEstimate | None, views: Sequence[Keyframe]) -> Target:
+    def next_target(self, estimate: CameraEstimate | None, views: Sequence[Keyframe]) -> NextView:
         """
         Return the view after which the camera is expected to be known best.
 
@@ -120,7 +120,7 @@ class Guide:
             self._last, self._poses = None, []
             rotation = tilted_rotation(_TILT_RAD, 0.5 * math.pi * (len(views) % 4), 0.0)
             pose = self._placed(rotation, 0.65, np.array(image_center_px(self._image_size)))
-            return Target(self._board, pose, self._typical, math.nan)
+            return NextView(self._board, pose, self._typical, math.nan)
         poses = self._unseen(self._poses_for(estimate.camera), estimate.camera, views)
         stays = self._last is not None and self._last.camera_from_board in poses
         information = _information(estimate, poses, _sample_points(self._board))
@@ -134,7 +134,7 @@ class Guide:
         if self._last is not None and stays:
             last = poses.index(self._last.camera_from_board)
             best = last if after[last] * _BETTER < after[best] else best
-        self._last = Target(self._board, poses[best], estimate.camera, float(after[best]))
+        self._last = NextView(self._board, poses[best], estimate.camera, float(after[best]))
         return self._last
 
     def _unseen(
@@ -259,7 +259,7 @@ def _uncertainty_after(
     return math.sqrt(float(np.mean(projection**2)) + focal**2 + center**2)
 
 
-def directions(target: Target, pose: Pose, image_size: tuple[int, int]) -> tuple[str, ...]:
+def directions(target: NextView, pose: Pose, image_size: tuple[int, int]) -> tuple[str, ...]:
     """
     Return how to move the board to the target, the largest difference first; empty if it is there.
 
@@ -289,7 +289,7 @@ def place_name(pixel: Array, image_size: tuple[int, int]) -> str:
 
 
 def _to_place(
-    target: Target, pose: Pose, image_size: tuple[int, int]
+    target: NextView, pose: Pose, image_size: tuple[int, int]
 ) -> Iterator[tuple[float, str]]:
     there, here = (
         target.camera.project(each.translation) for each in (target.camera_from_board, pose)

@@ -6,6 +6,8 @@ A snapshot as the web page receives it: one binary message of JSON and two JPEG 
 
 The message begins with the lengths of its three parts, each four bytes, big-endian: JSON; the
 image; the straightened image, which is empty as long as there is no camera.
+
+This module stands alone: it is the other side of web/live.js.
 """
 
 from __future__ import annotations
@@ -24,8 +26,8 @@ from p4pfr_ros.files.images import ImageArray
 from p4pfr_ros.live.guidance import place_name
 from p4pfr_ros.live.session import BoardInImage, Progress, Snapshot
 from p4pfr_ros.report.drawing import board_lines, Straightener
+from p4pfr_ros.report.maps import map_shape, uncertainty_map_px
 from p4pfr_ros.report.number_format import plus_minus, shape_text
-from p4pfr_ros.report.uncertainty_map import map_shape, uncertainty_map_px
 
 # Images are sent with at most this width or height, and this JPEG quality.
 _LARGEST_PX, _QUALITY = 960, 75

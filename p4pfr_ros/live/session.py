@@ -29,7 +29,7 @@ from p4pfr_ros.detection import detect, Detection
 from p4pfr_ros.files.calibration import Calibration, save_calibration
 from p4pfr_ros.files.images import ImageArray
 from p4pfr_ros.files.yaml_fields import ConfigError
-from p4pfr_ros.live.guidance import directions, Guide, Target
+from p4pfr_ros.live.guidance import directions, Guide, NextView
 
 # The rate is measured over so many images; reasons of rejections and changes of the camera are
 # listed for so many.
@@ -103,7 +103,7 @@ class Progress:
     estimate: CameraEstimate | None = None
     missing: tuple[str, ...] = ('show the board',)
     views: tuple[Keyframe, ...] = ()
-    target: Target | None = None
+    target: NextView | None = None
     changes: tuple[CameraChange, ...] = ()
 
 

@@ -1,7 +1,11 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Feeds a live session: a camera's newest image, or recorded images at the pace of a camera."""
+"""
+Feeds a live session: a camera's newest image, or recorded images at the pace of a camera.
+
+This module stands alone: a node has a topic instead.
+"""
 
 from __future__ import annotations
 

@@ -13,6 +13,7 @@ from p4pfr_ros.boards import Board
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
 from p4pfr_ros.files.images import ImageArray
+from p4pfr_ros.report.thumbnails import thumbnail
 
 # The grid in which the coverage of the image is counted.
 COLUMNS, ROWS = 10, 8
@@ -64,11 +65,26 @@ class CalibrationRun:
     Feeds images of a board to a `SelfCalibration`, and records the result of each.
 
     The first image in which the board is detected sets the image size for all others.
+
+    Parameters
+    ----------
+    board
+        The board in the images.
+    options
+        Options of the estimation from each view.
+    with_thumbnails
+        Whether small images are kept, for a report.
+
     """
 
-    def __init__(self, board: Board, options: EstimateOptions) -> None:
-        self._board = board
+    def __init__(
+        self, board: Board, options: EstimateOptions, *, with_thumbnails: bool = False
+    ) -> None:
+        self.board = board
         self._options = options
+        self._with_thumbnails = with_thumbnails
+        # Small images with their points, JPEG, by the numbers of the images.
+        self.thumbnails: dict[int, bytes] = {}
         self.calibration: SelfCalibration | None = None
         self.records: list[ViewRecord] = []
         self.rejected: list[RejectedImage] = []
@@ -106,7 +122,9 @@ class CalibrationRun:
         """Return the record of an image, or why it is rejected."""
         if isinstance(named.image, str):
             return named.image
-        detection = detect(named.image, self._board)
+        detection = detect(named.image, self.board)
+        if self._with_thumbnails:
+            self.thumbnails[number] = thumbnail(named.image, detection)
         if detection.reason:
             return detection.reason
         height, width = named.image.shape[:2]
@@ -116,7 +134,7 @@ class CalibrationRun:
             expected = '{}x{}'.format(*self.calibration.image_size)
             return f'expected {expected} px like the previous images, got {width}x{height}'
         estimate = self.calibration.update(
-            detection.image_points, detection.board_points, number, board=self._board.name
+            detection.image_points, detection.board_points, number, board=self.board.name
         )
         if estimate.model is None:
             return estimate.status.value

@@ -18,8 +18,8 @@ import numpy as np
 from p4pfr_ros import BoardShape, CameraEstimate, Keyframe
 from p4pfr_ros.core.geometry import Array, Mask
 from p4pfr_ros.report.figure_style import GREY
+from p4pfr_ros.report.maps import board_heights_m, map_shape, uncertainty_map_px
 from p4pfr_ros.report.number_format import shape_text
-from p4pfr_ros.report.uncertainty_map import map_shape, uncertainty_map_px
 
 # More boards are not drawn.
 _MAX_BOARDS = 2
@@ -111,15 +111,7 @@ def _outline(axes: Any, seen: Mask, size: tuple[int, int]) -> None:
 def _draw_board(figure: Any, axes: Any, name: str, shape: BoardShape, points: Array) -> None:
     """Draw the height of a board over its best plane."""
     (x, y), (half_x, half_y) = shape.center, shape.half_extent
-    rows, columns = map_shape(max(half_y, 1e-9), max(half_x, 1e-9))
-    grid = np.stack(
-        np.meshgrid(
-            np.linspace(x - half_x, x + half_x, columns),
-            np.linspace(y - half_y, y + half_y, rows),
-        ),
-        axis=-1,
-    )
-    heights_mm = 1e3 * _over_best_plane(shape.points(grid.reshape(-1, 2))).reshape(rows, columns)
+    heights_mm = 1e3 * board_heights_m(shape)
     limit = max(float(np.abs(heights_mm).max()), 0.05)
     extent = [1e3 * side for side in (x - half_x, x + half_x, y - half_y, y + half_y)]
     image = axes.imshow(
@@ -137,11 +129,3 @@ def _draw_board(figure: Any, axes: Any, name: str, shape: BoardShape, points: Ar
     _colour_bar(figure, axes, image, 'height over the best plane, mm (red: to the viewer)')
     title = 'shape of the board' + (f' {name}' if name else '')
     axes.set_title(f'{title}, points as dots:\n{shape_text(shape)}')
-
-
-def _over_best_plane(points: Array) -> Array:
-    """Return the heights (N,) of points (N, 3) over the plane that fits them best."""
-    plane = np.column_stack([points[:, :2], np.ones(len(points))])
-    heights = points[:, 2]
-    flat: Array = heights - plane @ np.linalg.lstsq(plane, heights, rcond=None)[0]
-    return flat

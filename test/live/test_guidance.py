@@ -8,7 +8,7 @@ import math
 import numpy as np
 from p4pfr_ros import CalibrationOptions, CalibrationState, DivisionCamera, Pose, SelfCalibration
 from p4pfr_ros.boards import Chessboard
-from p4pfr_ros.live.guidance import directions, Guide, place_name, Target
+from p4pfr_ros.live.guidance import directions, Guide, NextView, place_name
 from p4pfr_ros.scenes.board_path import outline_of, placed, tilted_rotation
 import pytest
 
@@ -90,7 +90,7 @@ def at(tilt_deg=0.0, quarters=0, filled=0.5, middle=(0.5, 0.5), roll_deg=0.0):
 
 
 def advice(here, there):
-    return directions(Target(BOARD, there, CAMERA, 1.0), here, SIZE)
+    return directions(NextView(BOARD, there, CAMERA, 1.0), here, SIZE)
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,14 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The map of projection uncertainty over the image, for plots, reports and the live page."""
+"""Maps over the image, and over a board, for plots, reports and the live page."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from p4pfr_ros import CameraEstimate, DivisionCamera
+from p4pfr_ros import BoardShape, CameraEstimate, DivisionCamera
 from p4pfr_ros.core.geometry import Array, Mask
 from p4pfr_ros.core.many_views.progress import Coverage, projection_sigmas_px
 
@@ -37,9 +37,14 @@ def uncertainty_map_px(
 
     shape: rows and columns. NaN where the lens sees nothing.
     """
+    pixels, seen = cell_middles(image_size, shape), seen_pixels(estimate, image_size)
+    return uncertainty_px(estimate, pixels, seen).reshape(shape)
+
+
+def seen_pixels(estimate: CameraEstimate, image_size: tuple[int, int]) -> Array:
+    """Return the middles (n, 2) of the parts of the image in which points were seen."""
     coverage = Coverage(image_size, True if estimate.coverage is None else estimate.coverage)
-    seen = coverage.pixels(estimate.camera.center_px, estimate.seen_radius_px or math.inf)
-    return uncertainty_px(estimate, cell_middles(image_size, shape), seen).reshape(shape)
+    return coverage.pixels(estimate.camera.center_px, estimate.seen_radius_px or math.inf)
 
 
 def uncertainty_px(estimate: CameraEstimate, pixels: Array, seen: Array) -> Array:
@@ -60,3 +65,20 @@ def sees(camera: DivisionCamera, pixels: Array) -> Mask:
     off_px = np.abs(camera.project(camera.unproject(pixels)) - pixels).max(axis=1)
     reached: Mask = off_px < 1e-3 * camera.focal_px
     return reached
+
+
+def board_heights_m(shape: BoardShape) -> Array:
+    """
+    Return the heights (rows, columns) of a board over the plane that fits it best, metres.
+
+    Of points from the lower left corner of the board to the upper right one.
+    """
+    (x, y), (half_x, half_y) = shape.center, shape.half_extent
+    rows, columns = map_shape(max(half_y, 1e-9), max(half_x, 1e-9))
+    xs = np.linspace(x - half_x, x + half_x, columns)
+    ys = np.linspace(y - half_y, y + half_y, rows)
+    points = shape.points(np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2))
+    plane = np.column_stack([points[:, :2], np.ones(len(points))])
+    heights = points[:, 2]
+    flat: Array = heights - plane @ np.linalg.lstsq(plane, heights, rcond=None)[0]
+    return flat.reshape(rows, columns)
