@@ -66,12 +66,12 @@ setup(
             'ros-jazzy-rmw-fastrtps-cpp',
         ],
         # `p4pfr live` and dashboard_node.
-        'live': ['aiohttp'],
+        'live': ['aiohttp>=3.9'],
         # `p4pfr calibrate --bag`; rosdep has no key for it.
         'bags': ['rosbags>=0.11'],
         # Without pytest here, colcon runs no tests and reports success.
         'test': [
-            'aiohttp',
+            'aiohttp>=3.9',
             'catkin-pkg',
             'hypothesis',
             'matplotlib',

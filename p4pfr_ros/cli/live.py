@@ -96,7 +96,9 @@ def run(arguments: argparse.Namespace) -> int:
     print(f'open {server.url} (Ctrl-C ends)', flush=True)
     try:
         feed(session, arguments.source, arguments.rate)
-        print(f'{arguments.source}: end of the images; the page stays', flush=True)
+        snapshot = session.snapshot
+        end = snapshot.source_detail or 'end of the images'
+        print(f'{snapshot.source_name}: {end}; the page stays', flush=True)
         threading.Event().wait()
     except KeyboardInterrupt:
         pass

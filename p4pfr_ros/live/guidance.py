@@ -108,7 +108,7 @@ class Guide:
         self._poses: list[Pose] = []
         self._posed_for = self._typical
 
-    def next_target(self, estimate: CameraEstimate | None, views: Sequence[Keyframe]) -> NextView:
+    def next_view(self, estimate: CameraEstimate | None, views: Sequence[Keyframe]) -> NextView:
         """
         Return the view after which the camera is expected to be known best.
 

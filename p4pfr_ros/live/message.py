@@ -269,7 +269,7 @@ def _target_tree(progress: Progress) -> dict[str, Any] | None:
     where = place_name(target.camera.project(pose.translation), size)
     return {
         'lines': _lines_tree(board_lines(target.board, pose, target.camera)),
-        'words': f'in {where}, tilted by {pose.tilt_deg:.0f}°',
+        'words': f'{where}, tilted by {pose.tilt_deg:.0f}°',
     }
 
 

@@ -372,7 +372,7 @@ class LiveSession:
             estimate=calibration.fused,
             missing=calibration.missing,
             views=calibration.views,
-            target=guide.next_target(calibration.fused, held),
+            target=guide.next_view(calibration.fused, held),
             changes=tuple(self._changes),
         )
 

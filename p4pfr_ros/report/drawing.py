@@ -19,7 +19,14 @@ from p4pfr_ros.detection import Detection
 from p4pfr_ros.detection.candidates import NO_CODE, RejectedCandidate
 from p4pfr_ros.files.images import ImageArray
 
-__all__ = ['Straightener', 'annotate', 'board_lines', 'straighten', 'straightened_camera']
+__all__ = [
+    'Straightener',
+    'annotate',
+    'board_lines',
+    'captioned',
+    'straighten',
+    'straightened_camera',
+]
 
 # Blue, green, red.
 _CORNER, _OUTLINE = (0, 215, 255), (255, 160, 0)
@@ -27,6 +34,8 @@ _AXES = ((60, 60, 255), (60, 200, 60), (255, 90, 60))  # x red, y green, z blue
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _INK = (255, 255, 255)
 _REJECTED = (200, 80, 255)
+# Of captions: the grey level of their bar, and the height of a line.
+_BAR, _CAPTION_PX = 32, 22.0
 # Of the candidates without a code, which are many, these largest ones are drawn.
 _MAX_WITHOUT_CODE = 40
 # The same reason is written so many times.
@@ -137,6 +146,17 @@ def straighten(
     """
     height, width = image.shape[:2]
     return Straightener(camera, (width, height), max_fov_deg=max_fov_deg).straighten(image)
+
+
+def captioned(image: ImageArray, *lines: str) -> ImageArray:
+    """Return an image, (h, w, 3), with lines of text below it."""
+    scale = max(1.0, image.shape[0] / _REFERENCE_HEIGHT_PX)
+    line_px = round(_CAPTION_PX * scale)
+    bar = np.full((line_px * len(lines) + line_px // 3, image.shape[1], 3), _BAR, dtype=np.uint8)
+    for i, line in enumerate(lines):
+        at = (0.4 * line_px, line_px * (i + 0.8))
+        _write_at(bar, line, at, _INK, 0.5 * scale)
+    return np.concatenate([image, bar])
 
 
 def straightened_camera(

@@ -176,7 +176,8 @@ def _sentences(run: CalibrationRun, estimate: CameraEstimate) -> Iterator[str]:
         f'{100.0 * run.coverage:.0f} % of the image.'
     )
     for name, shape in estimate.board_shapes.items():
-        yield f'{f"Board {name}".strip()} is {shape_text(shape)}.'
+        is_only = len(estimate.board_shapes) == 1
+        yield f'{"The board" if is_only else f"Board {name}"} is {shape_text(shape)}.'
 
 
 def _warnings(
@@ -221,7 +222,7 @@ def _camera_section(
         f'<tbody>{rows}</tbody></table>'
     )
     model = calibration.model
-    d = ', '.join(f'{each:.6g}' for each in model.coefficients)
+    d = ', '.join(f'{each + 0.0:.6g}' for each in model.coefficients)
     (fx, fy), (cx, cy) = model.focal_px, model.center_px
     info = (
         '<h3>As CameraInfo</h3><dl>'
@@ -322,7 +323,7 @@ def _board_section(views: Sequence[Keyframe], estimate: CameraEstimate) -> Itera
         if points:
             figures.append(board_figure(name, shape, np.unique(np.concatenate(points), axis=0)))
     if figures:
-        yield _section('Board', _figures(figures))
+        yield _section('Shape of the board' + 's' * (len(figures) > 1), _figures(figures))
 
 
 def _views_section(run: CalibrationRun) -> str:

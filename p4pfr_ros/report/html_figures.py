@@ -218,7 +218,7 @@ def board_figure(name: str, shape: BoardShape, points: Array) -> Figure:
     drawing.dots((points - low) * (1.0, -1.0) + (0.0, extent[1]), 'mark-dot')
     labels = (f'−{limit:.2g} mm', '0', f'+{limit:.2g} mm (towards the viewer)')
     return Figure(
-        f'Board {name}'.strip(),
+        name or 'board',
         drawing.svg() + colour_scale(DIVERGING, labels),
         f'Height over the best plane: {shape_text(shape)}.',
     )

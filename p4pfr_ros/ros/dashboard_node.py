@@ -14,7 +14,7 @@ import cv2
 from diagnostic_msgs.msg import DiagnosticArray
 from p4pfr_ros import CameraEstimate
 from p4pfr_ros.files.images import Decoding
-from p4pfr_ros.live.server import LiveServer
+from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.live.session import LiveSession, SourceState
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -77,9 +77,9 @@ class DashboardNode(Node):  # type: ignore[misc]
         self._rejections = CauseLog(self.get_logger())
         self._diagnostics = advertise(self, DiagnosticArray, '/diagnostics')
         self._health = ImageHealth(time.monotonic())
+        self._server = self._make_server()
         warm_up()
         warm_up_detection()  # no image waits for the compiler
-        self._server = LiveServer(self._session, options.host, options.port, options.token)
         self._images = self._subscribed(options.image)
         self._session.set_source(SourceState.WAITING, self._images.topic)
         self._endpoints.serve(Trigger, '~/save_calibration', self._on_save)
@@ -87,6 +87,19 @@ class DashboardNode(Node):  # type: ignore[misc]
         self._endpoints.every(_PERIOD_S, self._report)
         self._server.start()
         self.get_logger().info(f'ready: open {self._server.url}')
+
+    def _make_server(self) -> Any:
+        try:
+            from p4pfr_ros.live.server import LiveServer
+        except ModuleNotFoundError as error:
+            if error.name != 'aiohttp':
+                raise
+            raise ConfigError(
+                f'{self.get_name()} needs aiohttp: install python3-aiohttp, or in the environment '
+                'of Python pip install aiohttp'
+            ) from None
+        options = self._config.options
+        return LiveServer(self._session, options.host, options.port, options.token)
 
     def destroy_node(self) -> None:
         """Stop the web server, and destroy the node."""

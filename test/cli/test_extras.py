@@ -18,6 +18,7 @@ from p4pfr_ros.cli import main
 sys.exit(main({arguments!r}))
 """
 TABLES = "p4pfr: tables need rich: pip install 'p4pfr_ros[cli]'\n"
+PAGES = "p4pfr: web pages need aiohttp: pip install 'p4pfr_ros[live]'\n"
 PLOTS = "p4pfr: plots and printed boards need matplotlib: pip install 'p4pfr_ros[plot]'\n"
 
 
@@ -74,6 +75,19 @@ def test_printed_boards_need_matplotlib(tmp_path):
 def test_the_demo_needs_rich():
     run = run_without(['rich'], 'demo')
     assert (run.returncode, run.stdout, run.stderr) == (1, '', TABLES)
+
+
+def test_web_pages_need_aiohttp():
+    run = run_without(['aiohttp'], 'live', '0', '--board', CHESSBOARD)
+    assert (run.returncode, run.stdout, run.stderr) == (1, '', PAGES)
+
+
+def test_the_html_report_needs_no_extra(image, tmp_path):
+    arguments = ['calibrate', '--board', CHESSBOARD, image, '-o', tmp_path / 'camera.yaml']
+    arguments += ['--report', tmp_path / 'report.html', '--json', '--force']
+    run = run_without(['rich', 'matplotlib', 'aiohttp'], *arguments)
+    assert run.returncode == 0, run.stderr
+    assert '<title>Calibration of camera</title>' in (tmp_path / 'report.html').read_text()
 
 
 def test_help_needs_no_extra():

@@ -33,7 +33,7 @@ def follow(camera, views):
     calibration, guide = SelfCalibration(SIZE), Guide(BOARD, SIZE, CalibrationOptions())
     rng, targets = np.random.default_rng(1), []
     for i in range(views):
-        targets.append(guide.next_target(calibration.fused, calibration.views))
+        targets.append(guide.next_view(calibration.fused, calibration.views))
         pose = targets[-1].camera_from_board
         calibration.update(seen(camera, pose, rng), BOARD.points, i, board=BOARD.name)
     return calibration, targets
@@ -73,8 +73,8 @@ def test_targets_are_inside_the_image_and_differ(camera):
 def test_a_target_stays_while_nothing_changes():
     calibration, _ = follow(CAMERAS['normal'], 4)
     guide = Guide(BOARD, SIZE, CalibrationOptions())
-    first = guide.next_target(calibration.fused, calibration.views)
-    again = guide.next_target(calibration.fused, calibration.views)
+    first = guide.next_view(calibration.fused, calibration.views)
+    again = guide.next_view(calibration.fused, calibration.views)
     assert first.camera_from_board == again.camera_from_board
 
 

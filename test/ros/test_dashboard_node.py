@@ -126,6 +126,17 @@ def test_the_command_takes_a_topic(peer, views, tmp_path):
         process.communicate()
 
 
+def test_without_aiohttp_the_node_says_what_to_install(peer):
+    code = "import sys; sys.modules['aiohttp'] = None; "
+    code += 'from p4pfr_ros.ros.dashboard_node import main; main()'
+    command = [sys.executable, '-c', code, '--ros-args', '-p', f'board_file:={CHESSBOARD}']
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 1
+    expected = 'dashboard_node needs aiohttp: install python3-aiohttp'
+    assert run.stderr.splitlines()[-1].startswith(expected)
+    assert 'Traceback' not in run.stderr
+
+
 def test_a_port_that_is_taken_is_one_line(peer, tmp_path):
     _, url = start(peer, tmp_path)
     port = int(re.search(r':(\d+)/', url).group(1))

@@ -302,7 +302,8 @@ function newBar(bar) {
 // --- maps ---------------------------------------------------------------------------------
 
 function showMaps(state) {
-  const rows = [...maps.camera, ...maps.boards.map(([name, words]) => [`board ${name}`, words])];
+  const label = (name) => (maps.boards.length > 1 ? `board ${name}` : 'board');
+  const rows = [...maps.camera, ...maps.boards.map(([name, words]) => [label(name), words])];
   $('camera').replaceChildren(...rows.flatMap(([name, words]) => [
     Object.assign(document.createElement('dt'), { textContent: name }),
     Object.assign(document.createElement('dd'), { textContent: words }),
