@@ -193,9 +193,10 @@ def _frames(capture: cv2.VideoCapture) -> Iterator[LiveImage]:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Keep OpenCV from logging what is reported in one line."""
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    # OpenCV 4.6 has it elsewhere.
+    logging = cv2.utils.logging if hasattr(cv2.utils, 'logging') else cv2
+    level = logging.setLogLevel(0)
     try:
         yield
     finally:
-        cv2.utils.logging.setLogLevel(level)
+        logging.setLogLevel(level)

@@ -91,7 +91,9 @@ def _best_turn(
         valid = np.isfinite(residuals).all(axis=1) & np.isfinite(jacobian).all(axis=(1, 2))
         if valid.sum() < 2:
             break
-        step = np.linalg.lstsq(jacobian[valid].reshape(-1, 3), -residuals[valid].ravel())[0]
+        step = np.linalg.lstsq(
+            jacobian[valid].reshape(-1, 3), -residuals[valid].ravel(), rcond=None
+        )[0]
         turn = turn + step
         if np.abs(step).max() < _TURN_RAD:
             break
