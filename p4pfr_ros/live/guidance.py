@@ -116,12 +116,10 @@ class Guide:
         board is to be tilted, to another side after each view. A target stays until there is a
         view like it, unless another one is clearly better.
         """
-        if estimate is None:
-            self._last, self._poses = None, []
-            rotation = tilted_rotation(_TILT_RAD, 0.5 * math.pi * (len(views) % 4), 0.0)
-            pose = self._placed(rotation, 0.65, np.array(image_center_px(self._image_size)))
-            return NextView(self._board, pose, self._typical, math.nan)
-        poses = self._unseen(self._poses_for(estimate.camera), estimate.camera, views)
+        poses = [] if estimate is None else self._poses_for(estimate.camera)
+        if estimate is None or not poses:
+            return self._tilted_view(len(views))
+        poses = self._unseen(poses, estimate.camera, views)
         stays = self._last is not None and self._last.camera_from_board in poses
         information = _information(estimate, poses, _sample_points(self._board))
         after = np.array(
@@ -136,6 +134,13 @@ class Guide:
             best = last if after[last] * _BETTER < after[best] else best
         self._last = NextView(self._board, poses[best], estimate.camera, float(after[best]))
         return self._last
+
+    def _tilted_view(self, turns: int) -> NextView:
+        """Return a view of a board that is tilted to one of four sides, with a typical camera."""
+        self._last, self._poses, self._posed_for = None, [], self._typical
+        rotation = tilted_rotation(_TILT_RAD, 0.5 * math.pi * (turns % 4), 0.0)
+        pose = self._placed(rotation, 0.65, np.array(image_center_px(self._image_size)))
+        return NextView(self._board, pose, self._typical, math.nan)
 
     def _unseen(
         self, poses: list[Pose], camera: DivisionCamera, views: Sequence[Keyframe]
@@ -173,7 +178,10 @@ class Guide:
                 middle_px = (_MARGIN + 0.5 * filled + free) * size_px - 0.5
                 for (tilt_rad, quarters), roll_rad in itertools.product(_TILTS, _ROLLS_RAD):
                     rotation = tilted_rotation(tilt_rad, 0.5 * math.pi * quarters, roll_rad)
-                    pose = self._placed(rotation, filled, middle_px)
+                    try:
+                        pose = self._placed(rotation, filled, middle_px)
+                    except ValueError:  # the lens does not see the whole board there
+                        continue
                     pixels = self._posed_for.project(pose.transform(outline))
                     # False for NaN.
                     if ((pixels > -0.5) & (pixels < size_px - 0.5)).all():
@@ -199,9 +207,9 @@ def _information(estimate: CameraEstimate, poses: Sequence[Pose], points: Array)
     by_lens = _by_lens(estimate, in_camera)
     # Of the changes of the pixels by the lens, a pose that is unknown explains a part.
     transposed = by_pose.transpose(0, 2, 1)
-    with np.errstate(all='ignore'):  # NaN of a pose that is not visible
-        explained = by_pose @ np.linalg.pinv(np.nan_to_num(transposed @ by_pose)) @ transposed
-        rest = by_lens - explained @ by_lens
+    with np.errstate(all='ignore'):  # extreme cameras
+        products = np.nan_to_num(transposed @ by_pose, posinf=0.0, neginf=0.0)
+        rest = by_lens - by_pose @ np.linalg.pinv(products) @ transposed @ by_lens
     sigma_px = max(estimate.rms_px / math.sqrt(2.0), _SMALLEST_SIGMA_PX)
     information: Array = rest.transpose(0, 2, 1) @ rest / (sigma_px**2 * estimate.scatter)
     return information
@@ -246,7 +254,10 @@ def _uncertainty_after(
     if not np.isfinite(information).all():
         return math.nan
     camera, covariance = estimate.camera, estimate.covariance
-    after = covariance @ np.linalg.inv(np.eye(LENS_SIZE) + information @ covariance)
+    try:
+        after = covariance @ np.linalg.inv(np.eye(LENS_SIZE) + information @ covariance)
+    except np.linalg.LinAlgError:  # extreme numbers
+        return math.nan
     after = 0.5 * (after + after.T)
     axes = [
         (np.arange(n) + 0.5) * side / n - 0.5 for n, side in zip(_GRID, image_size, strict=True)

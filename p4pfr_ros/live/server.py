@@ -37,6 +37,8 @@ _HEADERS = {
 # A page that says nothing for so long is gone.
 _HEARTBEAT_S = 20.0
 _START_S = 10.0
+# Pages send two numbers, in bytes.
+_LONGEST_QUESTION = 1024
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -141,7 +143,10 @@ class LiveServer:
 
     async def _updates(self, request: web.Request) -> web.WebSocketResponse:
         """Send the newest snapshot whenever the page asks for one that it does not have."""
-        page = web.WebSocketResponse(heartbeat=_HEARTBEAT_S, max_msg_size=1024)
+        # JPEG images cannot be compressed further.
+        page = web.WebSocketResponse(
+            heartbeat=_HEARTBEAT_S, max_msg_size=_LONGEST_QUESTION, compress=False
+        )
         await page.prepare(request)
         self._sockets.add(page)
         asked: asyncio.Queue[tuple[int, int]] = asyncio.Queue(maxsize=2)

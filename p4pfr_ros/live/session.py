@@ -219,8 +219,9 @@ class LiveSession:
 
     def pause(self, *, is_paused: bool) -> None:
         """Ignore images from now on, or no longer."""
-        self._times_s.clear()
-        self._publish(is_paused=is_paused, rate_hz=0.0)
+        with self._lock:
+            self._times_s.clear()
+            self._publish(is_paused=is_paused, rate_hz=0.0)
 
     def set_options(self, options: CalibrationOptions, robust: EstimateOptions) -> None:
         """Set the options; the calibration restarts if they are others."""
@@ -262,9 +263,9 @@ class LiveSession:
 
     def process(self, image: ImageArray, name: str) -> None:
         """Detect the boards in an image, update the camera, and make the next snapshot."""
-        if self._snapshot.is_paused:
-            return
         with self._lock:
+            if self._snapshot.is_paused:
+                return
             number = self._snapshot.number + 1
             size = (image.shape[1], image.shape[0])
             problem = self._prepare(size)

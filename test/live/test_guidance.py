@@ -6,7 +6,14 @@
 import math
 
 import numpy as np
-from p4pfr_ros import CalibrationOptions, CalibrationState, DivisionCamera, Pose, SelfCalibration
+from p4pfr_ros import (
+    CalibrationOptions,
+    CalibrationState,
+    CameraEstimate,
+    DivisionCamera,
+    Pose,
+    SelfCalibration,
+)
 from p4pfr_ros.boards import Chessboard
 from p4pfr_ros.live.guidance import directions, Guide, NextView, place_name
 from p4pfr_ros.scenes.board_path import outline_of, placed, tilted_rotation
@@ -76,6 +83,28 @@ def test_a_target_stays_while_nothing_changes():
     first = guide.next_view(calibration.fused, calibration.views)
     again = guide.next_view(calibration.fused, calibration.views)
     assert first.camera_from_board == again.camera_from_board
+
+
+@pytest.mark.parametrize(
+    'camera',
+    [
+        DivisionCamera(60.0, (320.0, 240.0), -0.4),
+        DivisionCamera(30_000.0, (320.0, 240.0), 40.0),
+        DivisionCamera(300.0, (320.0, 240.0), 5.0),
+        DivisionCamera(300.0, (2000.0, -900.0), -0.3, 0.2, -0.1, 0.3),
+        DivisionCamera(1e-2, (320.0, 240.0), -1e-9),
+    ],
+    ids=['tiny', 'long', 'folded', 'centre outside', 'absurd'],
+)
+@pytest.mark.parametrize('variance', [1e-12, 1.0, 1e20])
+def test_an_early_estimate_may_be_absurd(camera, variance):
+    """The first views may give any camera; there is a next view nevertheless."""
+    estimate = CameraEstimate(camera, variance * np.eye(10), 0.5, 2)
+    guide = Guide(BOARD, SIZE, CalibrationOptions())
+    for _ in range(2):
+        target = guide.next_view(estimate, ())
+        assert np.isfinite(target.camera_from_board.matrix).all()
+    directions(target, at(), SIZE)
 
 
 CAMERA = CAMERAS['normal']
