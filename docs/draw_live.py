@@ -27,7 +27,7 @@ from p4pfr_ros.live.server import LiveServer
 from p4pfr_ros.live.session import LiveSession, SourceState
 from p4pfr_ros.rendering import Renderer
 from p4pfr_ros.report.calibration_run import CalibrationRun, NamedImage
-from p4pfr_ros.report.html import OtherCamera, write_html_report
+from p4pfr_ros.report.html_report import OtherCamera, write_html_report
 from selenium import webdriver
 
 DOCS = Path(__file__).parent

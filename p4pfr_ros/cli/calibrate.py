@@ -228,7 +228,7 @@ def _write(
 
         write_report(arguments.plot, calibration_run.calibration, calibration_run.records)
     if arguments.report:
-        from p4pfr_ros.report.html import OtherCamera, write_html_report
+        from p4pfr_ros.report.html_report import OtherCamera, write_html_report
 
         compared = OtherCamera(str(arguments.compare), other) if other else None
         write_html_report(arguments.report, calibration_run, calibration, compared)

@@ -4,7 +4,7 @@
 """
 The figures of the HTML report.
 
-This module stands alone: ``html`` writes the page around the figures, ``svg`` draws lines.
+This module stands alone: ``html_report`` writes the page around the figures, ``svg`` draws lines.
 """
 
 from __future__ import annotations
