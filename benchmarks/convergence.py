@@ -26,8 +26,9 @@ from p4pfr_ros.boards import Board
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
 from p4pfr_ros.files.boards import load_board
+from p4pfr_ros.files.image_sources import NamedImage
 from p4pfr_ros.files.images import ImageArray, read_image
-from p4pfr_ros.report.calibration_run import CalibrationRun, NamedImage, ViewRecord
+from p4pfr_ros.report.calibration_run import CalibrationRun, ViewRecord
 from p4pfr_ros.report.figure_style import STYLE
 from p4pfr_ros.report.plots import draw_history
 

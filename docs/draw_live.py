@@ -22,11 +22,12 @@ from p4pfr_ros.boards import Board
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.files.boards import load_boards
 from p4pfr_ros.files.calibration import Calibration
+from p4pfr_ros.files.image_sources import NamedImage
 from p4pfr_ros.files.images import ImageArray
 from p4pfr_ros.live.server import LiveServer
 from p4pfr_ros.live.session import LiveSession, SourceState
 from p4pfr_ros.rendering import Renderer
-from p4pfr_ros.report.calibration_run import CalibrationRun, NamedImage
+from p4pfr_ros.report.calibration_run import CalibrationRun
 from p4pfr_ros.report.html_report import OtherCamera, write_html_report
 from selenium import webdriver
 

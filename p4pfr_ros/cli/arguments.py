@@ -1,29 +1,28 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Shared by the commands: argument types, options, input images, optional dependencies."""
+"""Shared by the commands: argument types, options, sources of images, messages."""
 
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Iterable
 from functools import partial
-from importlib.util import find_spec
 import math
 from pathlib import Path
+import sys
 
 from p4pfr_ros import EstimateOptions
+from p4pfr_ros.boards import Board
+from p4pfr_ros.boards.units import unit_note
+from p4pfr_ros.cli.workers import available_cores
 from p4pfr_ros.core.options import option_of
-from p4pfr_ros.files.yaml_fields import ConfigError
+from p4pfr_ros.files.boards import load_board
+from p4pfr_ros.files.image_sources import is_bag
+from p4pfr_ros.files.images import DEFAULT_DECODING
 
 _DEFAULTS = EstimateOptions()
-_SUFFIXES = {'.bmp', '.jpeg', '.jpg', '.pbm', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp'}
-# By module: the features that need it, and the extra of pip that installs it.
-_EXTRAS = {
-    'aiohttp': ('web pages', 'live'),
-    'matplotlib': ('plots and printed boards', 'plot'),
-    'rich': ('tables', 'cli'),
-}
 
 
 def finite(text: str) -> float:
@@ -93,43 +92,71 @@ def description_of(name: str) -> str:
     return f'{text[0].lower()}{text[1:]}'
 
 
-def find_images(paths: Iterable[Path]) -> list[Path]:
+def add_source_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that say where the images come from."""
+    add = parser.add_argument
+    add(
+        'images',
+        nargs='*',
+        type=Path,
+        metavar='IMAGE',
+        help='image, directory of images, video, or bag; - reads images or a video from stdin',
+    )
+    add('--bag', type=Path, metavar='BAG', help='rosbag2 to read: directory, .db3 or .mcap file')
+    add('--topic', help="image topic in the bag (default: the bag's only image topic)")
+    add('--every', type=count, default=1, metavar='N', help='use every N-th image only')
+    add(
+        '--max-megapixels',
+        type=positive,
+        default=DEFAULT_DECODING.max_megapixels,
+        metavar='N',
+        help='larger images are rejected before they are decoded (default: %(default)g)',
+    )
+
+
+def add_jobs(parser: argparse.ArgumentParser) -> None:
+    """Add the number of processes."""
+    parser.add_argument(
+        '--jobs',
+        type=count,
+        default=available_cores(),
+        metavar='N',
+        help='largest number of processes; the results are the same (default: %(default)s, all '
+        'cores)',
+    )
+
+
+def checked_sources(arguments: argparse.Namespace) -> list[Path]:
+    """Return the paths of the sources; exit with a usage error if they contradict each other."""
+    if bool(arguments.images) == bool(arguments.bag):
+        arguments.usage_error('expected either images or --bag')
+    paths = [arguments.bag] if arguments.bag else arguments.images
+    if arguments.topic and not (arguments.bag or any(map(is_bag, paths))):
+        arguments.usage_error('--topic requires --bag')
+    return list(paths)
+
+
+def load_board_with_notes(path: str) -> Board:
+    """Load the only board of a file; print to stderr what may be wrong about its lengths."""
+    board = load_board(path)
+    note = unit_note(board)
+    if note:
+        print(f'p4pfr: {path}: warning: {note}', file=sys.stderr)
+    return board
+
+
+def print_reasons(rejected: Iterable[tuple[str, str, str]]) -> None:
     """
-    Replace directories by the images in them, sorted by name.
+    Print to stderr why images were rejected: (name, recording, reason) of each.
 
-    Raises
-    ------
-    ConfigError
-        A directory contains no image.
-
+    For the frames of a recording, the number of images per reason.
     """
-    images: list[Path] = []
-    for path in paths:
-        if not path.is_dir():
-            images.append(path)
-            continue
-        inside = sorted(p for p in path.iterdir() if p.suffix.lower() in _SUFFIXES)
-        if not inside:
-            raise ConfigError(f'{path}: expected a directory with images, got none')
-        images += inside
-    return images
-
-
-def is_installed(module: str) -> bool:
-    """Return whether an optional dependency is installed, without importing it."""
-    return find_spec(module) is not None
-
-
-def require(module: str) -> None:
-    """
-    Check that an optional dependency is installed.
-
-    Raises
-    ------
-    ConfigError
-        It is not; names the extra that installs it.
-
-    """
-    if not is_installed(module):
-        features, extra = _EXTRAS[module]
-        raise ConfigError(f"{features} need {module}: pip install 'p4pfr_ros[{extra}]'")
+    frames: Counter[tuple[str, str]] = Counter()
+    for name, recording, reason in rejected:
+        if recording:
+            frames[recording, reason] += 1
+        else:
+            print(f'p4pfr: {name}: {reason}', file=sys.stderr)
+    for (recording, reason), number in frames.most_common():
+        images = '1 image' if number == 1 else f'{number} images'
+        print(f'p4pfr: {recording}: {images}: {reason}', file=sys.stderr)

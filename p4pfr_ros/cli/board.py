@@ -8,8 +8,11 @@ from __future__ import annotations
 import argparse
 
 from p4pfr_ros.boards.symmetry import symmetry_note
-from p4pfr_ros.cli.arguments import positive, require
-from p4pfr_ros.files.boards import load_board
+from p4pfr_ros.cli.arguments import load_board_with_notes, positive
+from p4pfr_ros.files.dependencies import require
+
+# Those of `PAPERS_MM`, which is in a module that imports matplotlib.
+_PAPERS = ('A4', 'Letter', 'A3')
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -25,6 +28,11 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         '-o', '--output', required=True, metavar='FILE', help='output file: .pdf or .png'
     )
     parser.add_argument(
+        '--paper',
+        choices=_PAPERS,
+        help="size of the page (default: as large as the board's sheet)",
+    )
+    parser.add_argument(
         '--dpi',
         type=positive,
         default=300.0,
@@ -37,8 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
     require('matplotlib')
     from p4pfr_ros.rendering.printing import describe, print_board  # imports matplotlib: slow
 
-    board = load_board(arguments.board)
-    print_board(board, arguments.output, dpi=arguments.dpi)
+    board = load_board_with_notes(arguments.board)
+    print_board(board, arguments.output, dpi=arguments.dpi, paper=arguments.paper)
     print(f'{arguments.output}: {describe(board)}')
     note = symmetry_note(board.name, board.turns)
     if note:

@@ -7,32 +7,42 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from functools import partial
 import json
 import math
 from pathlib import Path
 import sys
 from typing import Any
 
-from p4pfr_ros import BoardShape, CalibrationState, CameraEstimate, EstimateOptions, Verdict
+from p4pfr_ros import CalibrationState, EstimateOptions, Verdict
+from p4pfr_ros.boards import Board
 from p4pfr_ros.cli.arguments import (
     add_estimate_option,
     add_estimate_switch,
-    count,
-    find_images,
-    require,
+    add_jobs,
+    add_source_arguments,
+    checked_sources,
+    load_board_with_notes,
+    print_reasons,
 )
 from p4pfr_ros.cli.terminal import print_table, with_progress
-from p4pfr_ros.files.boards import load_board
+from p4pfr_ros.cli.workers import in_order
 from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
-from p4pfr_ros.files.images import image_or_reason, ImageArray
-from p4pfr_ros.files.pixel_formats import Unreadable
+from p4pfr_ros.files.dependencies import require
+from p4pfr_ros.files.image_sources import Frame, open_source
+from p4pfr_ros.files.images import Decoding
 from p4pfr_ros.files.writing import check_writable
 from p4pfr_ros.files.yaml_fields import ConfigError
-from p4pfr_ros.report.calibration_run import CalibrationRun, NamedImage, RejectedImage, ViewRecord
-from p4pfr_ros.report.number_format import plus_minus, shape_text
+from p4pfr_ros.report.calibration_run import (
+    CalibrationRun,
+    detect_in,
+    DetectedImage,
+    RejectedImage,
+    ViewRecord,
+)
+from p4pfr_ros.report.camera_json import camera_info_as_json, estimate_as_json
+from p4pfr_ros.report.number_format import lens_terms, plus_minus, shape_text
 
 _EPILOG = """\
 Images are processed in the given order, like those of a running camera, and
@@ -58,28 +68,6 @@ _UNKNOWN = '?'
 # With more views than this, those that did not change the camera get no row.
 _MAX_ROWS = 100
 _NO_CHANGE = (Verdict.REDUNDANT, Verdict.NO_POSE)
-_NS_PER_S = 1_000_000_000
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ImageSource:
-    """
-    A sequence of images.
-
-    Parameters
-    ----------
-    name
-        Where the images come from.
-    images
-        The images, each read when it is needed.
-    count
-        Number of images, if known.
-
-    """
-
-    name: str
-    images: Iterable[NamedImage]
-    count: int | None
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -93,10 +81,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser.set_defaults(run=run, usage_error=parser.error)
     add = parser.add_argument
-    add('images', nargs='*', type=Path, metavar='IMAGE', help='image, or directory of images')
-    add('--bag', type=Path, metavar='BAG', help='rosbag2 to read: directory, .db3 or .mcap file')
-    add('--topic', help="image topic in the bag (default: the bag's only image topic)")
-    add('--every', type=count, default=1, metavar='N', help='use every N-th image only')
+    add_source_arguments(parser)
+    add_jobs(parser)
     add('--board', required=True, metavar='FILE', help='board file (YAML)')
     add('-o', '--output', required=True, type=Path, metavar='FILE', help='output file (YAML)')
     add('--name', default='camera', help='camera_name in the output (default: %(default)s)')
@@ -117,17 +103,21 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(arguments: argparse.Namespace) -> int:
     """Calibrate; return 1 if no calibration was written."""
+    paths = checked_sources(arguments)
     _check(arguments)
     options = EstimateOptions(
         threshold_px=arguments.threshold, seed=arguments.seed, two_sided=arguments.two_sided
     )
-    calibration_run = CalibrationRun(
-        load_board(arguments.board), options, with_thumbnails=arguments.report is not None
-    )
+    board = load_board_with_notes(arguments.board)
+    calibration_run = CalibrationRun(board, options)
     other = load_calibration(arguments.compare) if arguments.compare else None
-    with _source(arguments) as source:
-        for named in with_progress(source.images, source.count, prints=arguments.json):
-            result = calibration_run.add(named)
+    how = Decoding(as_grey=True, max_megapixels=arguments.max_megapixels)
+    with open_source(paths, arguments.topic, arguments.every, arguments.max_megapixels) as source:
+        with_thumbnail = arguments.report is not None
+        find = partial(_detect, how=how, board=board, with_thumbnail=with_thumbnail)
+        detected = in_order(find, source.frames, source.count, arguments.jobs)
+        for image in with_progress(detected, source.count, prints=arguments.json):
+            result = calibration_run.add_detected(image)
             if arguments.json:
                 _print_image_json(result)
     calibration = _calibration(calibration_run, arguments.name)
@@ -135,17 +125,17 @@ def run(arguments: argparse.Namespace) -> int:
         _print_calibration_json(calibration_run, calibration)
     else:
         print_views(calibration_run.records)
-        print_rejected(calibration_run.rejected, source.name if arguments.bag else None)
+        print_reasons((r.name, r.recording, r.reason) for r in calibration_run.rejected)
         _print_summary(calibration_run, calibration)
     return _write(arguments, calibration_run, calibration, other)
 
 
+def _detect(frame: Frame, how: Decoding, board: Board, *, with_thumbnail: bool) -> DetectedImage:
+    return detect_in(frame.load(how), board, with_thumbnail=with_thumbnail)
+
+
 def _check(arguments: argparse.Namespace) -> None:
     """Check what can be checked before the long computation."""
-    if bool(arguments.images) == bool(arguments.bag):
-        arguments.usage_error('expected either images or --bag')
-    if arguments.topic and not arguments.bag:
-        arguments.usage_error('--topic requires --bag')
     if not arguments.json:
         require('rich')
     check_writable(arguments.output)
@@ -161,45 +151,6 @@ def _check(arguments: argparse.Namespace) -> None:
         if arguments.report.suffix.lower() not in ('.html', '.htm'):
             raise ConfigError(f'{arguments.report}: expected a file name ending in .html')
         check_writable(arguments.report)
-
-
-def _source(arguments: argparse.Namespace) -> AbstractContextManager[ImageSource]:
-    if arguments.bag:
-        return _from_bag(arguments.bag, arguments.topic, arguments.every)
-    paths = find_images(arguments.images)[:: arguments.every]
-    images = (NamedImage(str(path), image_or_reason(path)) for path in paths)
-    return nullcontext(ImageSource('images', images, len(paths)))
-
-
-@contextmanager
-def _from_bag(path: Path, topic: str | None, every: int) -> Iterator[ImageSource]:
-    """
-    Open a bag; its images are named by their stamps in seconds.
-
-    Raises
-    ------
-    ConfigError
-        See `ImageBag`; also while reading images.
-
-    """
-    from p4pfr_ros.files.bags import ImageBag
-
-    with ImageBag(path, topic) as bag:
-        total = -(-bag.count // every) if bag.count else None
-        images = (
-            NamedImage(_seconds(item.stamp_ns), _image_or_reason(item.image))
-            for item in bag.images(every)
-        )
-        yield ImageSource(f'{path} {bag.topic}', images, total)
-
-
-def _seconds(stamp_ns: int) -> str:
-    """Format a stamp like ROS tools: seconds with nine decimals."""
-    return f'{stamp_ns // _NS_PER_S}.{stamp_ns % _NS_PER_S:09d}'
-
-
-def _image_or_reason(image: ImageArray | Unreadable) -> ImageArray | str:
-    return image.reason if isinstance(image, Unreadable) else image
 
 
 def _calibration(calibration_run: CalibrationRun, name: str) -> Calibration | None:
@@ -258,7 +209,7 @@ def _print_image_json(result: ViewRecord | RejectedImage) -> None:
             'inliers': result.inliers,
             'rms_px': result.rms_px,
             'verdict': _word(result.verdict),
-            'camera': _camera_as_json(result.fused) if result.fused else None,
+            'camera': estimate_as_json(result.fused) if result.fused else None,
         }
     print(json.dumps(line, allow_nan=False), flush=True)
 
@@ -273,64 +224,15 @@ def _print_calibration_json(
         and calibration_run.calibration is not None
         and calibration_run.fused is not None
     ):
-        model = calibration.model
         line['calibration'] = {
             'state': calibration_run.calibration.state.name.lower(),
             'image_size': list(calibration.image_size),
-            **_camera_as_json(calibration_run.fused),
+            **estimate_as_json(calibration_run.fused),
             'coverage': calibration_run.coverage,
             'missing': list(calibration_run.calibration.missing),
-            'camera_info': {
-                'distortion_model': model.distortion_model,
-                'd': list(model.coefficients),
-                'focal_px': list(model.focal_px),
-                'center_px': list(model.center_px),
-                'residual_px': model.residual_px,
-                'residual_outside_px': model.residual_outside_px,
-            },
+            'camera_info': camera_info_as_json(calibration.model),
         }
     print(json.dumps(line, allow_nan=False), flush=True)
-
-
-def _camera_as_json(estimate: CameraEstimate) -> dict[str, Any]:
-    camera, projection_px = estimate.camera, estimate.projection_sigma_px
-    p1_sigma, p2_sigma = estimate.decentring_sigma
-    return {
-        'focal_px': camera.focal_px,
-        'center_px': list(camera.center_px),
-        'k': list(camera.terms[: camera.order]),
-        'aspect': camera.aspect,
-        'p1': camera.p1,
-        'p2': camera.p2,
-        'sigma': {
-            'focal_px': _or_null(estimate.focal_sigma_px),
-            'center_px': [_or_null(sigma) for sigma in estimate.center_sigma_px.tolist()],
-            'k': [_or_null(sigma) for sigma in estimate.terms_sigma[: camera.order]],
-            'aspect': _or_null(estimate.aspect_sigma),
-            'p1': _or_null(p1_sigma),
-            'p2': _or_null(p2_sigma),
-        },
-        'rms_px': estimate.rms_px,
-        'views': estimate.views,
-        'scatter': estimate.scatter,
-        'projection_sigma_px': None if math.isnan(projection_px) else projection_px,
-        'boards': {name: _shape_as_json(s) for name, s in estimate.board_shapes.items()},
-    }
-
-
-def _shape_as_json(shape: BoardShape) -> dict[str, float]:
-    return {
-        'bow_m': shape.bow,
-        'bow_sigma_m': shape.bow_sigma,
-        'stretch': shape.stretch,
-        'stretch_sigma': shape.stretch_sigma,
-        'skew_rad': shape.skew,
-    }
-
-
-def _or_null(sigma: float) -> float | None:
-    """Replace the standard deviation 0 of a parameter that was held fixed by null."""
-    return sigma or None
 
 
 def print_views(records: Sequence[ViewRecord]) -> None:
@@ -340,7 +242,7 @@ def print_views(records: Sequence[ViewRecord]) -> None:
     shown = records
     if len(records) > _MAX_ROWS:
         shown = [record for record in records if record.verdict not in _NO_CHANGE]
-    print_table(_HEADINGS, map(_cells, shown), left=('image', 'verdict'))
+    print_table(_HEADINGS, map(_cells, shown), left=('image', 'verdict'), optional=('points',))
     for verdict, views in Counter(record.verdict for record in records).most_common():
         print(f'{views} {_word(verdict)}: {verdict.value}')
     print()
@@ -357,17 +259,6 @@ def _cells(record: ViewRecord) -> Iterator[str]:
     yield _word(record.verdict)
 
 
-def print_rejected(rejected: Sequence[RejectedImage], bag: str | None) -> None:
-    """Print to stderr why images were rejected; for a bag, the number of images per reason."""
-    if bag is None:
-        for image in rejected:
-            print(f'p4pfr: {image.name}: {image.reason}', file=sys.stderr)
-        return
-    for reason, number in Counter(image.reason for image in rejected).most_common():
-        images = '1 image' if number == 1 else f'{number} images'
-        print(f'p4pfr: {bag}: {images}: {reason}', file=sys.stderr)
-
-
 def _print_summary(calibration_run: CalibrationRun, calibration: Calibration | None) -> None:
     """Print the camera with its standard deviations, the fitted CameraInfo, and the boards."""
     if calibration is None or calibration_run.calibration is None or calibration_run.fused is None:
@@ -382,7 +273,7 @@ def _print_summary(calibration_run: CalibrationRun, calibration: Calibration | N
     )
     print(f'  focal length {plus_minus(fused.camera.focal_px, fused.focal_sigma_px)} px')
     print(f'  centre       {x}, {y} px')
-    for name, value, sigma in _terms(fused):
+    for name, value, sigma in lens_terms(fused):
         print(f'  {name:<12} {plus_minus(value, sigma)}')
     print(f'  coverage     {100.0 * calibration_run.coverage:.0f} % of the image')
     if not math.isnan(fused.projection_sigma_px):
@@ -395,20 +286,6 @@ def _print_summary(calibration_run: CalibrationRun, calibration: Calibration | N
         print(f'  board        {name}: {shape_text(shape)}')
     for advice in calibration_run.calibration.missing:
         print(f'  missing      {advice}')
-
-
-def _terms(estimate: CameraEstimate) -> Iterator[tuple[str, float, float]]:
-    """List the terms of the lens with their standard deviations: k, and those that are in use."""
-    camera = estimate.camera
-    names = ('k', 'k2', 'k3', 'k4')
-    for name, k, sigma in zip(names, camera.terms, estimate.terms_sigma, strict=True):
-        if name == 'k' or k != 0.0:
-            yield name, k, sigma
-    if camera.aspect != 1.0:
-        yield 'fy/fx', camera.aspect, estimate.aspect_sigma
-    if camera.is_decentred:
-        for i, name in enumerate(('p1', 'p2')):
-            yield name, getattr(camera, name), estimate.decentring_sigma[i]
 
 
 def _word(verdict: Verdict) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 
-from p4pfr_ros.cli.arguments import require
+from p4pfr_ros.files.dependencies import how_to_get_ros, require
 from p4pfr_ros.files.yaml_fields import ConfigError
 
 
@@ -27,7 +27,6 @@ def run(options: argparse.Namespace) -> int:
         if str(error.name).startswith('p4pfr_ros'):
             raise
         raise ConfigError(
-            f'the demo requires ROS 2 ({error.name} is missing): '
-            "source a ROS 2 installation, or pip install 'p4pfr_ros[ros]'"
+            f'the demo requires ROS 2 ({error.name} is missing): {how_to_get_ros()}'
         ) from None
     return main()

@@ -7,56 +7,50 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+import csv
 from functools import partial
 import json
 from pathlib import Path
 import sys
-from typing import Any
 
-from p4pfr_ros import (
-    BoardShape,
-    CameraInfoModel,
-    DivisionCamera,
-    estimate_pose,
-    EstimateOptions,
-    Observability,
-    PoseEstimate,
-    Solution,
-    Status,
-)
-from p4pfr_ros.boards import Board
-from p4pfr_ros.boards.shape_in_use import shape_in_use
-from p4pfr_ros.boards.symmetry import with_turned_poses
+from p4pfr_ros import EstimateOptions, PoseEstimate
 from p4pfr_ros.cli.arguments import (
     add_estimate_option,
     add_estimate_switch,
+    add_jobs,
+    add_source_arguments,
+    checked_sources,
     description_of,
-    find_images,
     finite,
     in_range,
-    positive,
-    require,
+    load_board_with_notes,
+    print_reasons,
 )
-from p4pfr_ros.cli.terminal import print_table, with_progress
+from p4pfr_ros.cli.terminal import print_note, print_table, with_progress
+from p4pfr_ros.cli.workers import in_order
 from p4pfr_ros.core.cameras.camera_info import MAX_NUMBER
-from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.detection import detect
-from p4pfr_ros.files.boards import load_board
-from p4pfr_ros.files.calibration import Calibration, load_calibration
-from p4pfr_ros.files.images import (
-    Decoding,
-    DEFAULT_DECODING,
-    image_or_reason,
-    ImageArray,
-    write_image,
-)
+from p4pfr_ros.files.calibration import load_calibration
+from p4pfr_ros.files.dependencies import require
+from p4pfr_ros.files.image_sources import find_images, Frame, open_source
+from p4pfr_ros.files.images import Decoding
 from p4pfr_ros.files.yaml_fields import ConfigError
-from p4pfr_ros.report.drawing import annotate
+from p4pfr_ros.report.image_pose import (
+    as_json,
+    CSV_COLUMNS,
+    csv_row,
+    estimate_image,
+    FailedImage,
+    Given,
+    ImageEstimate,
+    TUM_HEADINGS,
+    tum_line,
+)
+from p4pfr_ros.report.number_format import plus_minus
 
 _EPILOG = """\
-Each image is processed independently. The exit status is 1 if any image has
-no estimate; the reasons are printed to stderr.
+Each image is processed independently. The reasons why images have no estimate
+are printed to stderr. The exit status is 1 if any image file has none, or all
+frames of a video or bag.
 
 With --json, each line is a JSON object for one image. Lengths are in metres,
 angles in degrees; the pose is camera_from_board; sigma holds standard
@@ -68,82 +62,38 @@ solutions fit the view equally well, candidates lists them all, the most
 likely first; so too for a board that looks the same after a turn. status
 names how the estimation ended. uses_board_shape is true if the calibration of
 --camera has the shape of the board, by its name: the points are then where
-they are on the real board.
+they are on the real board. stamp_s is the stamp of a message in a bag, the
+time of a frame in its video, or the number that an image file is named by.
 An image without an estimate has the keys image and reason and, if the board
 was detected, status.
+
+With --csv, each image is a row with the same numbers, in the same units.
+With --tum, each image with a pose is a line of a trajectory that evo reads:
+stamp, position (m), quaternion x y z w. The camera moves in the frame of the
+board; with --moving board, the board in the frame of the camera. Images
+without a stamp are numbered from 0.
 """
 _DRAW_HELP = (
     'write images with corners and pose to DIR; rejected candidates are outlined, with the reason'
 )
+_QUATERNION, _DISTANCE, _FOCAL, _K = 'quaternion x y z w', 'distance, m', 'f, px', 'k'
 _HEADINGS = (
     'image',
     'x y z, m',
-    'quaternion x y z w',
+    _QUATERNION,
     'tilt, °',
-    'distance, m',
-    'f, px',
-    'k',
+    _DISTANCE,
+    _FOCAL,
+    _K,
     'rms, px',
     'inliers',
 )
+# Left out where the terminal is too narrow, in this order.
+_OPTIONAL = (_QUATERNION, _DISTANCE, _K, _FOCAL)
 _UNKNOWN = '?'
 
 # What causes more than this share of the variance of the focal length limits it.
 _LIMITING = 0.3
-_ALL = Observability(direction=True, distance=True, focal=True, distortion=True)
-
-
-@dataclass(frozen=True, slots=True)
-class FailedImage:
-    """An image without an estimate, and why; status: of the estimation, if there was one."""
-
-    path: Path
-    reason: str
-    status: Status | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ImageEstimate:
-    """
-    An image (width and height in pixels) and its estimate; model is the estimate's.
-
-    camera_is_given: by --camera; has_board_shape: so is the shape of the board.
-    """
-
-    path: Path
-    image_size: tuple[int, int]
-    model: Solution
-    estimate: PoseEstimate
-    camera_is_given: bool
-    has_board_shape: bool
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Given:
-    """What is given for all images; calibration: of the camera, if it is known."""
-
-    board: Board
-    options: EstimateOptions
-    center_px: tuple[float, float] | None
-    calibration: Calibration | None
-
-    def wrong_size(self, width: int, height: int) -> str:
-        """Return why the calibration is not that of an image of this size; '' if it is."""
-        if self.calibration is None or self.calibration.image_size == (width, height):
-            return ''
-        expected = '{}x{}'.format(*self.calibration.image_size)
-        return f'expected {expected} px as calibrated, got {width}x{height}'
-
-    def camera_and_shape(
-        self, board_points: Array
-    ) -> tuple[DivisionCamera | CameraInfoModel | None, BoardShape | None]:
-        """Return the known camera, and the shape of the board from its calibration."""
-        if self.calibration is None:
-            return None, None
-        known = self.calibration.estimate
-        if known is None:
-            return self.calibration.model, None
-        return known.camera, shape_in_use(known, self.board.name, board_points)
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -157,17 +107,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser.set_defaults(run=run, usage_error=parser.error)
     add = parser.add_argument
-    add('images', nargs='+', type=Path, metavar='IMAGE', help='image, or directory of images')
+    add_source_arguments(parser)
+    add_jobs(parser)
     add('--board', required=True, metavar='FILE', help='board file (YAML)')
-    add('--draw', type=Path, metavar='DIR', help=_DRAW_HELP)
-    add(
-        '--max-megapixels',
-        type=positive,
-        default=DEFAULT_DECODING.max_megapixels,
-        metavar='N',
-        help='larger images are rejected before they are decoded (default: %(default)g)',
-    )
-    add('--json', action='store_true', help='print JSON lines instead of a table')
+    _add_outputs(parser)
     add(
         '--camera',
         type=Path,
@@ -188,6 +131,20 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     _add_priors(parser)
 
 
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('--draw', type=Path, metavar='DIR', help=_DRAW_HELP)
+    formats = parser.add_mutually_exclusive_group()
+    formats.add_argument('--json', action='store_true', help='print JSON lines')
+    formats.add_argument('--csv', action='store_true', help='print comma-separated values')
+    formats.add_argument('--tum', action='store_true', help='print a trajectory for evo')
+    parser.add_argument(
+        '--moving',
+        choices=tuple(TUM_HEADINGS),
+        default='camera',
+        help='whose trajectory --tum prints (default: %(default)s)',
+    )
+
+
 def _add_priors(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group('priors')
     add_estimate_option(group, '--sigma', 'sigma_px', 'PX')
@@ -205,37 +162,49 @@ def _add_priors(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Process the images; return 1 if any has no estimate."""
-    if not arguments.json:
+    """Process the images; return 1 if an image has no estimate, or no frame of a recording."""
+    paths = checked_sources(arguments)
+    is_table = not (arguments.json or arguments.csv or arguments.tum)
+    if is_table:
         require('rich')
     if arguments.camera and (arguments.center or arguments.prior_focal or arguments.prior_k):
         arguments.usage_error('--camera excludes --center, --prior-focal and --prior-k')
     given = Given(
-        load_board(arguments.board),
+        load_board_with_notes(arguments.board),
         _options(arguments),
         tuple(arguments.center) if arguments.center else None,
         load_calibration(arguments.camera) if arguments.camera else None,
     )
-    paths = find_images(arguments.images)
     if arguments.draw:
-        _prepare_drawing(arguments.draw, paths)
-    estimates: list[ImageEstimate] = []
-    failures: list[FailedImage] = []
+        _prepare_drawing(arguments.draw, find_images(paths))
     # Only drawings need colour.
     how = Decoding(as_grey=not arguments.draw, max_megapixels=arguments.max_megapixels)
-    for path in with_progress(paths, len(paths), prints=arguments.json):
-        result = _estimate(path, how, given, arguments.draw)
-        if arguments.json:
-            _print_json(result)
-        if isinstance(result, ImageEstimate):
-            estimates.append(result)
-        else:
-            failures.append(result)
-    if not arguments.json:
-        _print_results(estimates)
-    for failure in failures:
-        print(f'p4pfr: {failure.path}: {failure.reason}', file=sys.stderr)
-    return int(bool(failures))
+    process = partial(_process, how=how, given=given, draw_folder=arguments.draw)
+    results: list[ImageEstimate | FailedImage] = []
+    with open_source(paths, arguments.topic, arguments.every, arguments.max_megapixels) as source:
+        _print_heading(arguments)
+        processed = in_order(process, source.frames, source.count, arguments.jobs)
+        for result in with_progress(processed, source.count, prints=not is_table):
+            _print_line(arguments, result, len(results))
+            results.append(result)
+    if is_table:
+        _print_results([result for result in results if isinstance(result, ImageEstimate)])
+    failures = [result for result in results if isinstance(result, FailedImage)]
+    print_reasons((failure.name, failure.recording, failure.reason) for failure in failures)
+    return _status(results)
+
+
+def _process(
+    frame: Frame, how: Decoding, given: Given, draw_folder: Path | None
+) -> ImageEstimate | FailedImage:
+    return estimate_image(frame.load(how), given, draw_folder)
+
+
+def _status(results: Sequence[ImageEstimate | FailedImage]) -> int:
+    """Return 1 if an image file has no estimate, or no frame of a recording has one."""
+    estimated = {each.recording for each in results if isinstance(each, ImageEstimate)} - {''}
+    failed = {each.recording for each in results if isinstance(each, FailedImage)}
+    return int(bool(failed - estimated) or not results)
 
 
 def _options(arguments: argparse.Namespace) -> EstimateOptions:
@@ -258,7 +227,7 @@ def _options(arguments: argparse.Namespace) -> EstimateOptions:
 
 def _prepare_drawing(folder: Path, images: Iterable[Path]) -> None:
     """
-    Create the folder for drawings, and check that each image gets a file of its own.
+    Create the folder for drawings, and check that each source gets files of its own.
 
     Raises
     ------
@@ -278,129 +247,41 @@ def _prepare_drawing(folder: Path, images: Iterable[Path]) -> None:
         raise ConfigError(f'--draw {folder}: {error.strerror}') from None
 
 
-def _estimate(
-    path: Path, how: Decoding, given: Given, draw_folder: Path | None
-) -> ImageEstimate | FailedImage:
-    """
-    Read an image, detect the board and estimate its pose; draw the result if requested.
-
-    Raises
-    ------
-    ConfigError
-        The drawing cannot be written.
-
-    """
-    image = image_or_reason(path, how)
-    if isinstance(image, str):
-        return FailedImage(path, image)
-    height, width = image.shape[:2]
-    wrong_size = given.wrong_size(width, height)
-    if wrong_size:
-        return FailedImage(path, wrong_size)
-    board = given.board
-    detection = detect(image, board)
-    if detection.reason:
-        _draw(draw_folder, path, image, detection)
-        return FailedImage(path, detection.reason)
-    camera, shape = given.camera_and_shape(detection.board_points)
-    estimate = estimate_pose(
-        detection.image_points,
-        detection.board_points,
-        image_size=(width, height),
-        center_px=given.center_px,
-        camera=camera,
-        board_shape=shape,
-        options=given.options,
-    )
-    estimate, _ = with_turned_poses(estimate, board.turns)
-    if estimate.model is None:
-        failed = replace(detection, reason=estimate.status.value)
-        _draw(draw_folder, path, image, failed)
-        return FailedImage(path, estimate.status.value, estimate.status)
-    _draw(draw_folder, path, image, detection, estimate.model, board)
-    return ImageEstimate(
-        path,
-        (width, height),
-        estimate.model,
-        estimate,
-        camera_is_given=camera is not None,
-        has_board_shape=shape is not None,
-    )
+def _print_heading(arguments: argparse.Namespace) -> None:
+    if arguments.csv:
+        csv.writer(sys.stdout, lineterminator='\n').writerow(CSV_COLUMNS)
+    if arguments.tum:
+        print(TUM_HEADINGS[arguments.moving])
 
 
-def _draw(folder: Path | None, path: Path, image: ImageArray, *drawn: Any) -> None:
-    """Write the annotated image, if a folder is given; drawn: further arguments of `annotate`."""
-    if folder is not None:
-        write_image(folder / f'{path.stem}_pose.png', annotate(image, *drawn))
-
-
-def _print_json(result: ImageEstimate | FailedImage) -> None:
-    """Print one line: a JSON object without NaN."""
-    if isinstance(result, FailedImage):
-        line: dict[str, Any] = {'image': str(result.path), 'reason': result.reason}
-        if result.status is not None:
-            line['status'] = result.status.name.lower()
-    else:
-        line = _as_json(result)
-    print(json.dumps(line, allow_nan=False), flush=True)
-
-
-def _as_json(result: ImageEstimate) -> dict[str, Any]:
-    estimate = result.estimate
-    observable, limits = estimate.observable, estimate.focal_limits
-    is_free = not result.camera_is_given
-    return {
-        'image': str(result.path),
-        'image_size': list(result.image_size),
-        'status': estimate.status.name.lower(),
-        **_solution_as_json(result.model, observable),
-        'sigma': {
-            'distance_m': estimate.distance_sigma if observable.distance else None,
-            'focal_px': estimate.focal_sigma_px if observable.focal and is_free else None,
-            'k': estimate.k_sigma if observable.distortion and is_free else None,
-        },
-        'focal_limits': None if limits is None else asdict(limits),
-        'rms_px': estimate.rms_px,
-        'points': len(estimate.inliers),
-        'inliers': int(estimate.inliers.sum()),
-        'uses_board_shape': result.has_board_shape,
-        'not_observable': list(observable.undetermined),
-        'candidates': [_solution_as_json(candidate, _ALL) for candidate in _candidates(result)],
-    }
-
-
-def _solution_as_json(solution: Solution, observable: Observability) -> dict[str, Any]:
-    pose, camera = solution.camera_from_board, solution.camera
-    return {
-        'position_m': pose.translation.tolist() if observable.distance else None,
-        'quaternion_xyzw': pose.quaternion_xyzw().tolist() if observable.direction else None,
-        'tilt_deg': pose.tilt_deg if observable.direction else None,
-        'distance_m': pose.distance if observable.distance else None,
-        'focal_px': camera.focal_px if observable.focal else None,
-        'k': camera.k if observable.distortion else None,
-        'center_px': list(camera.center_px),
-    }
-
-
-def _candidates(result: ImageEstimate) -> list[Solution]:
-    """Return all solutions of an ambiguous view, the best first; none if it is unambiguous."""
-    alternatives = list(result.estimate.alternatives)
-    return [result.model, *alternatives] if alternatives else []
+def _print_line(
+    arguments: argparse.Namespace, result: ImageEstimate | FailedImage, index: int
+) -> None:
+    """Print the line of an image, unless a table will be printed."""
+    if arguments.json:
+        print(json.dumps(as_json(result), allow_nan=False), flush=True)
+    elif arguments.csv:
+        csv.writer(sys.stdout, lineterminator='\n').writerow(csv_row(result))
+        sys.stdout.flush()
+    elif arguments.tum:
+        line = tum_line(result, index, arguments.moving)
+        if line is not None:
+            print(line, flush=True)
 
 
 def _print_results(results: Sequence[ImageEstimate]) -> None:
     """Print a row for each image, and below them notes on ambiguous or degenerate views."""
     if not results:
         return
-    print_table(_HEADINGS, (_cells(result) for result in results))
+    print_table(_HEADINGS, (_cells(result) for result in results), optional=_OPTIONAL)
     for note in _notes(results):
-        print(note)
+        print_note(note)
 
 
 def _cells(result: ImageEstimate) -> Iterator[str]:
     estimate, pose, camera = result.estimate, result.model.camera_from_board, result.model.camera
     observable = estimate.observable
-    yield str(result.path)
+    yield result.name
     yield _joined(pose.translation, 3) if observable.distance else _UNKNOWN
     yield _joined(pose.quaternion_xyzw(), 3) if observable.direction else _UNKNOWN
     yield f'{pose.tilt_deg:.1f}' if observable.direction else _UNKNOWN
@@ -410,8 +291,8 @@ def _cells(result: ImageEstimate) -> Iterator[str]:
         yield f'{camera.k:.3f} (given)'
     else:
         f_sigma, k_sigma = estimate.focal_sigma_px, estimate.k_sigma
-        yield f'{camera.focal_px:.1f} ± {f_sigma:.1f}' if observable.focal else _UNKNOWN
-        yield f'{camera.k:.3f} ± {k_sigma:.3f}' if observable.distortion else _UNKNOWN
+        yield plus_minus(camera.focal_px, f_sigma) if observable.focal else _UNKNOWN
+        yield plus_minus(camera.k, k_sigma) if observable.distortion else _UNKNOWN
     yield f'{estimate.rms_px:.2f}'
     yield f'{estimate.inliers.sum()}/{len(estimate.inliers)}'
 
@@ -420,11 +301,11 @@ def _joined(values: Iterable[float], digits: int) -> str:
     return ' '.join(f'{value:.{digits}f}' for value in values)
 
 
-def _limit(estimate: PoseEstimate) -> str:
-    """Return what limits the focal length more than the noise, in words; '' if nothing does."""
+def _limit(estimate: PoseEstimate) -> tuple[str, str] | None:
+    """Return what limits the focal length more than the noise, in words, and its share."""
     limits = estimate.focal_limits
     if limits is None or not estimate.observable.focal:
-        return ''
+        return None
     shares = {
         'the principal point': limits.center,
         'the terms of the lens': limits.lens,
@@ -432,18 +313,29 @@ def _limit(estimate: PoseEstimate) -> str:
     }
     name, share = max(shares.items(), key=lambda item: item[1])
     if share < _LIMITING:
-        return ''
-    return f'focal length limited by {name} ({100.0 * share:.0f} % of its variance)'
+        return None
+    return f'focal length limited by {name}', f' ({100.0 * share:.0f} % of its variance)'
 
 
 def _notes(results: Iterable[ImageEstimate]) -> Iterator[str]:
+    """Yield a line for each note on an image, or on several images alike."""
+    noted: dict[str, list[tuple[str, str]]] = {}
     for result in results:
-        undetermined = result.estimate.observable.undetermined
-        if undetermined:
-            yield f'{result.path}: not determined by this view: {", ".join(undetermined)}'
-        limit = _limit(result.estimate)
-        if limit:
-            yield f'{result.path}: {limit}'
-        candidates = len(_candidates(result))
-        if candidates:
-            yield f'{result.path}: {candidates} solutions fit this view equally well (see --json)'
+        for note, detail in _notes_on(result):
+            noted.setdefault(note, []).append((result.name, detail))
+    for note, images in noted.items():
+        name, detail = images[0]
+        yield f'{name}: {note}{detail}' if len(images) == 1 else f'{len(images)} images: {note}'
+
+
+def _notes_on(result: ImageEstimate) -> Iterator[tuple[str, str]]:
+    """Yield notes on an image, and details that other images with the note do not share."""
+    undetermined = result.estimate.observable.undetermined
+    if undetermined:
+        yield f'not determined by the view: {", ".join(undetermined)}', ''
+    limit = _limit(result.estimate)
+    if limit:
+        yield limit
+    candidates = len(result.candidates)
+    if candidates:
+        yield f'{candidates} solutions fit the view equally well (see --json)', ''

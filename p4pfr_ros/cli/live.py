@@ -13,14 +13,17 @@ import threading
 from typing import Any
 
 from p4pfr_ros import EstimateOptions
-from p4pfr_ros.cli.arguments import add_estimate_option, positive, require
+from p4pfr_ros.cli.arguments import add_estimate_option, positive
 from p4pfr_ros.files.boards import load_boards
+from p4pfr_ros.files.dependencies import how_to_get_ros, require
+from p4pfr_ros.files.image_sources import is_bag
 from p4pfr_ros.files.writing import check_writable
 from p4pfr_ros.files.yaml_fields import ConfigError
 
 _EPILOG = """\
-SOURCE is a camera by its index (0, 1, ...), a video, an image, or a folder of
-images. --topic takes the images of a ROS topic instead.
+SOURCE is a camera by its index (0, 1, ...), a video, a bag, or a folder of
+images. --topic takes the images of a ROS topic instead; of a bag with several
+image topics it selects one.
 
 The page shows the image, how well the camera is known, and where to hold the
 board next. It is served on this machine only; --host 0.0.0.0 serves it to
@@ -41,7 +44,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser.set_defaults(run=run, usage_error=parser.error)
     add = parser.add_argument
-    add('source', nargs='?', metavar='SOURCE', help='camera index, video, or folder of images')
+    add('source', nargs='?', metavar='SOURCE', help='camera index, video, bag, or folder')
     add('--topic', help='ROS topic of images, raw or compressed (requires ROS 2)')
     add(
         '--board',
@@ -74,12 +77,13 @@ def _port(text: str) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Serve the page until SIGINT or SIGTERM."""
-    if (arguments.source is None) == (arguments.topic is None):
+    source, topic = arguments.source, arguments.topic
+    if (source is None and topic is None) or (source and topic and not is_bag(Path(source))):
         arguments.usage_error('expected either SOURCE or --topic')
     require('aiohttp')
     check_writable(arguments.output)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    if arguments.topic is not None:
+    if source is None:
         return _run_node(arguments)
     from p4pfr_ros.live.server import LiveServer  # imports aiohttp
     from p4pfr_ros.live.session import LiveSession
@@ -95,7 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
     server.start()
     print(f'open {server.url} (Ctrl-C ends)', flush=True)
     try:
-        feed(session, arguments.source, arguments.rate)
+        feed(session, source, arguments.rate, topic)
         snapshot = session.snapshot
         end = snapshot.source_detail or 'end of the images'
         print(f'{snapshot.source_name}: {end}; the page stays', flush=True)
@@ -118,8 +122,7 @@ def _run_node(arguments: argparse.Namespace) -> int:
         if str(error.name).startswith('p4pfr_ros'):
             raise
         raise ConfigError(
-            f'--topic requires ROS 2 ({error.name} is missing): '
-            "source a ROS 2 installation, or pip install 'p4pfr_ros[ros]'"
+            f'--topic requires ROS 2 ({error.name} is missing): {how_to_get_ros()}'
         ) from None
     is_compressed = arguments.topic.endswith('/compressed')
     parameters: dict[str, Any] = {

@@ -42,6 +42,9 @@ _LEAST_MISFIT, _MISFIT_IN_MEDIANS = 0.1, 3.0
 # A board with a smaller fraction of its corners refined is a false positive.
 _MIN_REFINED_FRACTION = 0.5
 
+# A board has so many corners a side.
+_LEAST_SIDE = 3
+
 # A second board of at least this fraction of the area makes it unclear which one is meant.
 _MIN_AREA_OF_SECOND = 0.5
 
@@ -60,14 +63,16 @@ def find_chessboard(
     Returns
     -------
     Ids (N,) (indices in the board's points) and corners (N, 2) px, empty if the board is not
-    found, and then the reason and the candidates. Corners that cannot be fitted, such as covered
-    ones, are left out.
+    found, and then the reason and the candidates. The reason names the size of a board that is
+    visible instead: columns and rows may be wrong in the board file. Corners that cannot be
+    fitted, such as covered ones, are left out.
 
     """
     name = f'{board.columns}x{board.rows} chessboard'
     best = _NOTHING
     tried: list[Array] = []
-    for grids in _search(grey, board.columns, board.rows):
+    seen: list[Array] = []
+    for grids in _search(grey, board.columns, board.rows, seen):
         found = _distinct_boards(grey, grids)
         if len(found) > 1:
             reason = f'{len(found)} {name}s found, of about the same size'
@@ -79,7 +84,35 @@ def find_chessboard(
             break
     if len(best[0]):
         return *best, '', ()
-    return *best, f'no {name} found', _rejected(tried, 'its corners do not fit')
+    reason = f'no {name} found{_hint(seen, board)}'
+    return *best, reason, _rejected(tried, 'its corners do not fit')
+
+
+def _hint(lattices_seen: list[Array], board: Chessboard) -> str:
+    """Return what the largest lattice (n, m, 2) of corners shows instead of the board, if any."""
+    grids = [_without_ragged_sides(lattice) for lattice in lattices_seen]
+    grid = max(grids, key=lambda each: each.size, default=np.empty((0, 0, 2)))
+    least, (n, m) = min(board.columns, board.rows) - 1, grid.shape[:2]
+    is_board = min(n, m) >= max(least, _LEAST_SIDE) and is_smooth(grid)
+    sides, expected = sorted((n, m)), sorted((board.columns, board.rows))
+    if not is_board or sides == expected:
+        return ''
+    columns, rows = sides if board.columns < board.rows else sides[::-1]
+    counted = [side + 1 for side in sides] == expected
+    note = ' (columns and rows count inner corners, not squares)' if counted else ''
+    return f': {columns}x{rows} inner corners are visible{note}'
+
+
+def _without_ragged_sides(grid: Array) -> Array:
+    """Return a lattice (n, m, 2) without outer lines of which less than a half was found."""
+    is_ragged = True
+    while is_ragged and min(grid.shape[:2]) > 0:
+        is_ragged = False
+        for _ in range(4):  # each side in turn becomes the first line
+            grid = np.rot90(grid)
+            while len(grid) and np.isfinite(grid[0, :, 0]).mean() < _MIN_FOUND_ON_SIDE:
+                grid, is_ragged = grid[1:], True
+    return grid
 
 
 def _rejected(grids: list[Array], reason: str) -> tuple[RejectedCandidate, ...]:
@@ -102,18 +135,24 @@ def _distinct_boards(grey: NDArray[np.uint8], grids: list[Array]) -> list[tuple[
     return found
 
 
-def _search(grey: NDArray[np.uint8], columns: int, rows: int) -> Iterator[list[Array]]:
-    """Yield candidates for the corners (rows, columns, 2) px, accurate to a pixel or so."""
+def _search(
+    grey: NDArray[np.uint8], columns: int, rows: int, seen: list[Array]
+) -> Iterator[list[Array]]:
+    """
+    Yield candidates for the corners (rows, columns, 2) px, accurate to a pixel or so.
+
+    The largest lattice of each search (n, m, 2), with NaN where there is no corner, is appended
+    to ``seen``. It may be that of a board with a line less.
+    """
     corners = columns * rows
-    at_least = int(np.ceil(_MIN_FOUND_FRACTION * corners))
+    at_least = int(np.ceil(_MIN_FOUND_FRACTION * (columns - 1) * (rows - 1)))
     for scale, image in _sizes(grey):
         for factor in _FEW_AND_MANY:
             at_most = min(factor * (_SADDLES_PER_CORNER * corners + _MORE_SADDLES), _MOST_SADDLES)
             saddles = find_saddles(image, at_most)
-            grids = [
-                _board_in_lattice(saddles[members, :2], cells, columns, rows)
-                for members, cells in lattices(saddles, at_least)
-            ]
+            found = [_lattice(saddles, *each) for each in lattices(saddles, at_least)]
+            seen += found[:1]
+            grids = [_board_in_lattice(lattice, columns, rows) for lattice in found]
             yield [scale * grid + 0.5 * (scale - 1.0) for grid in grids if grid is not None]
             if len(saddles) < at_most:
                 break
@@ -171,10 +210,15 @@ def _half(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(halved, dtype=np.uint8)
 
 
-def _board_in_lattice(points: Array, cells: Ints, columns: int, rows: int) -> Array | None:
-    """Return the corners (rows, columns, 2) of a board in a lattice; None without one."""
+def _lattice(saddles: Array, members: Ints, cells: Ints) -> Array:
+    """Return the points of a lattice by their cells: (n, m, 2), NaN where there is none."""
     lattice = np.full((*(cells.max(axis=0) + 1), 2), np.nan)
-    lattice[cells[:, 0], cells[:, 1]] = points
+    lattice[cells[:, 0], cells[:, 1]] = saddles[members, :2]
+    return lattice
+
+
+def _board_in_lattice(lattice: Array, columns: int, rows: int) -> Array | None:
+    """Return the corners (rows, columns, 2) of a board in a lattice; None without one."""
     grids = []
     for turned in (lattice, lattice.swapaxes(0, 1))[: 2 if columns != rows else 1]:
         # One more line on each side shows whether the lattice continues there.

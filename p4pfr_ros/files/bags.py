@@ -12,11 +12,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, ExitStack
 from dataclasses import dataclass
+import functools
 from itertools import islice
 import os
 from pathlib import Path
 from typing import Any
 
+from p4pfr_ros.files.dependencies import EXTRAS, install_command
 from p4pfr_ros.files.images import ImageArray
 from p4pfr_ros.files.pixel_formats import (
     image_from_compressed_fields,
@@ -40,6 +42,26 @@ class BagImage:
     image: ImageArray | Unreadable
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageMessage:
+    """A message as it was recorded: its type, the time of recording, and its serialised data."""
+
+    kind: str
+    recorded_ns: int
+    data: bytes
+
+    def decoded(self) -> BagImage:
+        """Decode the image; this may happen in another process."""
+        try:
+            msg: Any = _types().deserialize_cdr(self.data, self.kind)
+        except Exception:  # rosbags raises errors of many kinds for malformed data
+            reason = f'image: expected a {self.kind}'
+            return BagImage(self.recorded_ns, Unreadable('layout', reason))
+        stamp = msg.header.stamp
+        stamp_ns = stamp.sec * _NS_PER_S + stamp.nanosec
+        return BagImage(stamp_ns or self.recorded_ns, _READERS[self.kind](msg))
+
+
 class ImageBag:
     """
     The images of one topic, in recorded order. A context manager.
@@ -61,9 +83,7 @@ class ImageBag:
 
     def __init__(self, path: str | os.PathLike[str], topic: str | None = None) -> None:
         self._path = Path(path)
-        rosbag2, typesys = _rosbags()
-        # Image messages are the same in all ROS 2 distributions; bags may lack their definitions.
-        self._types = typesys.get_typestore(typesys.Stores.LATEST)
+        rosbag2, _ = _rosbags()
         with ExitStack() as stack, _damage_as_config_error(self._path):
             self._reader = stack.enter_context(rosbag2.Reader(self._path))
             self.topic = self._choose_topic(topic)
@@ -91,10 +111,22 @@ class ImageBag:
             The bag is damaged at this position.
 
         """
+        return (message.decoded() for message in self.messages(every))
+
+    def messages(self, every: int = 1) -> Iterator[ImageMessage]:
+        """
+        Yield every n-th message of the topic.
+
+        Raises
+        ------
+        ConfigError
+            The bag is damaged at this position.
+
+        """
         with _damage_as_config_error(self._path):
             messages = islice(self._reader.messages(self._connections), 0, None, every)
             for connection, stamp_ns, data in messages:
-                yield self._image_from(connection.msgtype, stamp_ns, data)
+                yield ImageMessage(connection.msgtype, stamp_ns, bytes(data))
 
     def _choose_topic(self, topic: str | None) -> str:
         types: dict[str, str] = {name: t.msgtype for name, t in self._reader.topics.items()}
@@ -110,14 +142,12 @@ class ImageBag:
             raise ConfigError(f'{self._path}: {topic} is of type {types[topic]}; {available}')
         return topic
 
-    def _image_from(self, kind: str, recorded_ns: int, data: bytes) -> BagImage:
-        try:
-            msg: Any = self._types.deserialize_cdr(data, kind)
-        except Exception:  # rosbags raises errors of many kinds for malformed data
-            return BagImage(recorded_ns, Unreadable('layout', f'image: expected a {kind}'))
-        stamp = msg.header.stamp
-        stamp_ns = stamp.sec * _NS_PER_S + stamp.nanosec
-        return BagImage(stamp_ns or recorded_ns, _READERS[kind](msg))
+
+@functools.cache
+def _types() -> Any:
+    """Image messages are the same in all ROS 2 distributions; bags may lack their definitions."""
+    _, typesys = _rosbags()
+    return typesys.get_typestore(typesys.Stores.LATEST)
 
 
 def _rosbags() -> tuple[Any, Any]:
@@ -127,7 +157,8 @@ def _rosbags() -> tuple[Any, Any]:
     except ModuleNotFoundError as error:
         if not str(error.name).startswith('rosbags'):
             raise
-        raise ConfigError("reading bags needs rosbags: pip install 'p4pfr_ros[bags]'") from None
+        command = install_command(EXTRAS['rosbags'])
+        raise ConfigError(f'reading bags needs rosbags: {command}') from None
     return rosbag2, typesys
 
 

@@ -27,6 +27,15 @@ _TIFF_WIDTH, _TIFF_HEIGHT, _TIFF_SHORT, _TIFF_LONG = 256, 257, 3, 4
 _PNM = re.compile(rb'P[1-6]' + 2 * rb'(?:\s+|#[^\n]*\n)+(\d{1,9})' + rb'\s')
 
 
+def is_image(data: bytes) -> bool:
+    """Return whether data begin like a file of one of these formats, of whatever size."""
+    return (
+        data.startswith((_PNG, _JPEG, b'BM', *_TIFF))
+        or (data[:4] == b'RIFF' and data[8:12] == b'WEBP')
+        or _PNM.match(data[:1000]) is not None
+    )
+
+
 def size_of(data: bytes) -> tuple[int, int] | None:
     """
     Return width and height, pixels, of a PNG, JPEG, BMP, WebP, TIFF or PNM file.

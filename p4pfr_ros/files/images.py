@@ -94,7 +94,7 @@ def image_or_reason(
 
 def decode_image(data: bytes, how: Decoding = DEFAULT_DECODING) -> ImageArray | Unreadable:
     """Decode the content of an image file like `read_image`."""
-    if data.startswith(_PNG_BEGINS) and not _has_all_chunks(data):
+    if data.startswith(_PNG_BEGINS) and _end_of_chunks(data) is None:
         return Unreadable('truncated', _TRUNCATED)
     size = size_of(data)
     if size is None:
@@ -126,6 +126,14 @@ def size_error(width: int, height: int, how: Decoding) -> Unreadable | None:
     )
 
 
+def uncalibrated_size(calibrated: tuple[int, int], image_size: tuple[int, int]) -> str:
+    """Return why a calibration does not hold for an image of this size; '' if it does."""
+    if calibrated == image_size:
+        return ''
+    (width, height), got = calibrated, image_size
+    return f'expected {width}x{height} px as calibrated, got {got[0]}x{got[1]}'
+
+
 def write_image(path: str | os.PathLike[str], image: ImageArray) -> None:
     """
     Write an image, (h, w) or (h, w, 3) BGR uint8, in the format of the file extension.
@@ -147,15 +155,26 @@ def write_image(path: str | os.PathLike[str], image: ImageArray) -> None:
 
 
 def _is_truncated(data: bytes) -> bool:
+    is_checked = data.startswith((_PNG_BEGINS, _JPEG_BEGINS))
+    return is_checked and first_image_end(data) is None
+
+
+def first_image_end(data: bytes) -> int | None:
+    """
+    Return where the image file ends that some data begin with.
+
+    None if it goes on, or if its format (other than PNG and JPEG) does not tell.
+    """
     if data.startswith(_PNG_BEGINS):
-        return not _has_all_chunks(data)
+        return _end_of_chunks(data)
     if data.startswith(_JPEG_BEGINS):
-        return data.find(_JPEG_ENDS, _scan_offset(data)) < 0
-    return False
+        end = data.find(_JPEG_ENDS, _scan_offset(data))
+        return None if end < 0 else end + len(_JPEG_ENDS)
+    return None
 
 
-def _has_all_chunks(data: bytes) -> bool:
-    """Return whether the chunks of a PNG up to its end are within the data."""
+def _end_of_chunks(data: bytes) -> int | None:
+    """Return where a PNG ends; None if that is beyond the data."""
     # A chunk is its length, type, content and checksum. OpenCV 5 allocates what a length states,
     # gigabytes for a damaged one.
     at = len(_PNG_BEGINS)
@@ -163,8 +182,8 @@ def _has_all_chunks(data: bytes) -> bool:
         kind = data[at + 4 : at + 8]
         at += 12 + int.from_bytes(data[at : at + 4], 'big')
         if kind == _PNG_ENDS:
-            return at <= len(data)
-    return False
+            return at if at <= len(data) else None
+    return None
 
 
 def _scan_offset(data: bytes) -> int:

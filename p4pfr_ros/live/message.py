@@ -20,14 +20,15 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from p4pfr_ros import CalibrationOptions, CameraEstimate, DivisionCamera, Verdict
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.files.images import ImageArray
 from p4pfr_ros.live.guidance import place_name
 from p4pfr_ros.live.session import BoardInImage, Progress, Snapshot
-from p4pfr_ros.report.drawing import board_lines, Straightener
+from p4pfr_ros.report.drawing import board_lines, remap, straightening_map
 from p4pfr_ros.report.maps import map_shape, uncertainty_map_px
-from p4pfr_ros.report.number_format import plus_minus, shape_text
+from p4pfr_ros.report.number_format import lens_terms, plus_minus, shape_text
 
 # Images are sent with at most this width or height, and this JPEG quality.
 _LARGEST_PX, _QUALITY = 960, 75
@@ -46,7 +47,8 @@ class MessageWriter:
     def __init__(self) -> None:
         self._images: tuple[int, bytes, bytes] = (-1, b'', b'')
         self._maps: tuple[int, dict[str, Any]] = (-1, {})
-        self._straightener: tuple[int, Straightener | None] = (-1, None)
+        # Of the straightened image.
+        self._map: tuple[int, NDArray[np.float32]] = (-1, np.empty((0, 0, 2), np.float32))
 
     def write(self, snapshot: Snapshot, options: CalibrationOptions, maps_version: int) -> bytes:
         """
@@ -75,22 +77,14 @@ class MessageWriter:
         if snapshot.image is None:
             return b'', b''
         small, share = _reduced(snapshot.image)
-        straightener = self._straightener_for(snapshot.progress, small, share)
-        straightened = b'' if straightener is None else _jpeg(straightener.straighten(small))
-        return _jpeg(small), straightened
-
-    def _straightener_for(
-        self, progress: Progress, small: ImageArray, share: float
-    ) -> Straightener | None:
-        """Return the straightener of the present camera for the reduced images."""
+        progress = snapshot.progress
         if progress.estimate is None:
-            return None
-        version, straightener = self._straightener
-        if version != progress.version or straightener is None:
+            return _jpeg(small), b''
+        if self._map[0] != progress.version:
             camera = _reduced_camera(progress.estimate.camera, share)
             size = (small.shape[1], small.shape[0])
-            self._straightener = progress.version, Straightener(camera, size, step_px=_STEP_PX)
-        return self._straightener[1]
+            self._map = progress.version, straightening_map(camera, size, step_px=_STEP_PX)
+        return _jpeg(small), _jpeg(remap(small, self._map[1]))
 
 
 def _reduced(image: ImageArray) -> tuple[ImageArray, float]:
@@ -229,16 +223,9 @@ def _bar(key: str, label: str, value: str, share: float) -> dict[str, Any]:
 
 def _camera_words(estimate: CameraEstimate) -> Iterator[tuple[str, str]]:
     """Yield the terms of the lens that are in use beside k, and how well the views fit."""
-    camera = estimate.camera
-    names = ('k2', 'k3', 'k4')
-    for name, k, sigma in zip(names, camera.terms[1:], estimate.terms_sigma[1:], strict=True):
-        if k != 0.0:
-            yield name, plus_minus(k, sigma)
-    if camera.aspect != 1.0:
-        yield 'fy/fx', plus_minus(camera.aspect, estimate.aspect_sigma)
-    if camera.is_decentred:
-        for i, name in enumerate(('p1', 'p2')):
-            yield name, plus_minus(getattr(camera, name), estimate.decentring_sigma[i])
+    for name, value, sigma in lens_terms(estimate):
+        if name != 'k':
+            yield name, plus_minus(value, sigma)
     yield 'reprojection error', f'{estimate.rms_px:.3f} px rms'
 
 

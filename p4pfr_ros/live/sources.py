@@ -11,35 +11,27 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-import math
 from pathlib import Path
 import threading
 import time
 
 import cv2
 import numpy as np
-from p4pfr_ros.files.images import image_or_reason, ImageArray
+from p4pfr_ros.files.image_sources import NamedImage, open_source
+from p4pfr_ros.files.images import ImageArray
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.live.session import LiveSession, SourceState
 
-_IMAGES = {'.bmp', '.jpeg', '.jpg', '.pbm', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp'}
 # A camera that delivers no image for so long has failed.
 _CAMERA_TIMEOUT_S = 5.0
 _PAUSE_S = 0.05
-# Of a video that does not say.
-_VIDEO_HZ = 30.0
+# Longer gaps of a recording are not waited for.
+_LONGEST_GAP_S = 2.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LiveImage:
-    """An image, or why it could not be read, and its name."""
-
-    name: str
-    image: ImageArray | str
-
-
-def feed(session: LiveSession, source: str, rate_hz: float | None) -> None:
+def feed(
+    session: LiveSession, source: str, rate_hz: float | None, topic: str | None = None
+) -> None:
     """
     Process all images of a source; return at its end.
 
@@ -48,10 +40,13 @@ def feed(session: LiveSession, source: str, rate_hz: float | None) -> None:
     session
         Receives the images.
     source
-        A camera by its index, or the path of a video, an image or a folder of images.
+        A camera by its index, or what `open_source` opens: a video, a bag, an image or a folder
+        of images, or - for standard input.
     rate_hz
-        Images per second of a recorded source. None: the rate of a video; of images, as fast as
-        they can be processed.
+        Images per second of a recorded source. None: the rate of a video or bag; of images, as
+        fast as they can be processed.
+    topic
+        Image topic of a bag; None: its only one.
 
     Raises
     ------
@@ -63,30 +58,40 @@ def feed(session: LiveSession, source: str, rate_hz: float | None) -> None:
     if source.isdecimal():
         with Camera(int(source)) as camera:
             session.set_source(SourceState.RUNNING, f'camera {source}')
-            _process(session, camera.images(), math.inf)
+            _process(session, camera.images(), None)
             name, failure = f'camera {source}', camera.failure
         session.set_source(SourceState.FAILED, name, failure)
         return
-    path = Path(source)
-    with _opened(path) as (images, own_rate_hz):
+    with open_source([Path(source)], topic) as opened:
         session.set_source(SourceState.RUNNING, source)
-        _process(session, images, rate_hz or own_rate_hz)
+        _process(session, (frame.load() for frame in opened.frames), rate_hz)
     session.set_source(SourceState.ENDED, source)
 
 
-def _process(session: LiveSession, images: Iterable[LiveImage], rate_hz: float) -> None:
-    """Process images at most at a rate; those of a recording wait while the session pauses."""
-    due_s = time.monotonic()
+def _process(session: LiveSession, images: Iterable[NamedImage], rate_hz: float | None) -> None:
+    """Process images at a rate, or that of their stamps; recordings wait while paused."""
+    due_s, before = time.monotonic(), None
     for named in images:
         while session.snapshot.is_paused:
             time.sleep(_PAUSE_S)
-        due_s = max(due_s, time.monotonic() - 1.0 / rate_hz)
+        interval_s = 1.0 / rate_hz if rate_hz else _interval_s(before, named)
+        # If processing is slower, the recording takes longer; it does not hurry afterwards.
+        due_s = max(due_s + interval_s, time.monotonic())
         time.sleep(max(0.0, due_s - time.monotonic()))
-        due_s += 1.0 / rate_hz
+        before = named
         if isinstance(named.image, str):
             session.reject(named.image, named.name)
         else:
             session.process(named.image, named.name)
+
+
+def _interval_s(before: NamedImage | None, named: NamedImage) -> float:
+    """Return the time between two images of a recording; 0 if there is none."""
+    if before is None or before.stamp_ns is None or named.stamp_ns is None:
+        return 0.0
+    if not named.recording:  # files that are named by their stamps
+        return 0.0
+    return min(max(1e-9 * (named.stamp_ns - before.stamp_ns), 0.0), _LONGEST_GAP_S)
 
 
 class Camera:
@@ -128,7 +133,7 @@ class Camera:
         self._thread.join(_CAMERA_TIMEOUT_S)
         self._capture.release()
 
-    def images(self) -> Iterator[LiveImage]:
+    def images(self) -> Iterator[NamedImage]:
         """Yield the newest image whenever there is one, until the camera fails."""
         number = 0
         while True:
@@ -142,7 +147,7 @@ class Camera:
             if image is None:
                 return
             number += 1
-            yield LiveImage(f'image {number}', image)
+            yield NamedImage(f'image {number}', image)
 
     def _read(self) -> None:
         while not self._ends:
@@ -155,39 +160,6 @@ class Camera:
                 self._condition.notify()
             if not is_read:
                 return
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[tuple[Iterable[LiveImage], float]]:
-    """Open a folder, an image or a video: its images, and their rate."""
-    if path.is_dir():
-        inside = sorted(each for each in path.iterdir() if each.suffix.lower() in _IMAGES)
-        if not inside:
-            raise ConfigError(f'{path}: expected a directory with images, got none')
-        yield (LiveImage(each.name, image_or_reason(each)) for each in inside), math.inf
-    elif path.suffix.lower() in _IMAGES:
-        yield [LiveImage(path.name, image_or_reason(path))], math.inf
-    else:
-        with _quiet():
-            capture = cv2.VideoCapture(str(path))
-        try:
-            if not capture.isOpened():
-                raise ConfigError(f'{path}: expected a video, an image or a folder of images')
-            # As the sensor delivered it: a rotation would move the principal point.
-            capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0.0)
-            yield _frames(capture), capture.get(cv2.CAP_PROP_FPS) or _VIDEO_HZ
-        finally:
-            capture.release()
-
-
-def _frames(capture: cv2.VideoCapture) -> Iterator[LiveImage]:
-    number = 0
-    while True:
-        is_read, image = capture.read()
-        if not is_read:
-            return
-        number += 1
-        yield LiveImage(f'frame {number}', np.asarray(image, dtype=np.uint8))
 
 
 @contextmanager

@@ -13,6 +13,7 @@ import math
 import os
 from pathlib import Path
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
@@ -38,11 +39,24 @@ _MIN_DPI = 20.0
 # the margin.
 _TEXT_MM, _TEXT_IN_MARGINS = 2.5, 0.3
 _POINTS_PER_MM = 72.0 / _MM_PER_INCH
+_GREY = '0.45'
+# Width and height of upright pages.
+PAPERS_MM = {'A4': (210.0, 297.0), 'Letter': (215.9, 279.4), 'A3': (297.0, 420.0)}
+# Printers leave so much of a page blank.
+_BLANK_MM = 5.0
+# A ruler with a mark every 10 mm: its length, its height with the numbers, and the space it needs
+# between text and pattern.
+_RULER_MM, _RULER_HEIGHT_MM, _LEAST_FOR_RULER_MM = 100.0, 4.0, 10.0
 
 
-def print_board(board: Board, path: str | os.PathLike[str], *, dpi: float = 300.0) -> None:
+def print_board(
+    board: Board, path: str | os.PathLike[str], *, dpi: float = 300.0, paper: str | None = None
+) -> None:
     """
-    Write a board to a file that prints to scale; the page is as large as the board's sheet.
+    Write a board to a file that prints to scale.
+
+    Below the pattern are the board's name and, where there is space, a ruler that shows whether
+    the print has the right scale.
 
     Parameters
     ----------
@@ -53,12 +67,15 @@ def print_board(board: Board, path: str | os.PathLike[str], *, dpi: float = 300.
         its resolution in the metadata).
     dpi
         Pixels per inch of the PNG.
+    paper
+        Size of the page, a key of `PAPERS_MM`; the pattern is in its middle, the page upright or
+        lying. None: a page as large as the board's sheet.
 
     Raises
     ------
     ConfigError
-        Another suffix, a path that cannot be written, or a PNG with a resolution that is too low
-        or a size that is too large.
+        Another suffix, a path that cannot be written, a board that is larger than the paper, or a
+        PNG with a resolution that is too low or a size that is too large.
     ValueError
         dpi is not positive, or OpenCV lacks the board's markers.
 
@@ -68,7 +85,7 @@ def print_board(board: Board, path: str | os.PathLike[str], *, dpi: float = 300.
     suffix = Path(path).suffix.lower()
     if suffix not in ('.pdf', '.png'):
         raise ConfigError(f'{path}: expected a name that ends in .pdf or .png')
-    page_mm = 1000.0 * np.array(board.sheet_size_m)
+    page_mm = _page_size_mm(board, paper)
     if suffix == '.png':
         if dpi < _MIN_DPI:
             raise ConfigError(f'{path}: expected at least {_MIN_DPI:g} dpi, got {dpi:g}')
@@ -87,6 +104,27 @@ def print_board(board: Board, path: str | os.PathLike[str], *, dpi: float = 300.
         figure.savefig(path, dpi=dpi, format=suffix[1:], metadata=metadata)
     except OSError as error:
         raise ConfigError(f'{path}: expected a place to write to: {error.strerror}') from None
+
+
+def _page_size_mm(board: Board, paper: str | None) -> Array:
+    sheet_mm = 1000.0 * np.array(board.sheet_size_m)
+    if paper is None:
+        return sheet_mm
+    pattern_mm = 2000.0 * np.abs(black_shapes(board)).max(axis=(0, 1))
+    upright_mm = np.array(PAPERS_MM[paper])
+    # The margin may be smaller than that of the sheet, but not what printers leave blank.
+    lacking_mm = {
+        tuple(page_mm.tolist()): float((pattern_mm + 2.0 * _BLANK_MM - page_mm).max())
+        for page_mm in (upright_mm, upright_mm[::-1])
+    }
+    page = min(lacking_mm, key=lambda each: lacking_mm[each])
+    if lacking_mm[page] > 0.0:
+        width_mm, height_mm = pattern_mm
+        raise ConfigError(
+            f'{board.name}: expected a board that fits on {paper} ({page[0]:g} x {page[1]:g} mm) '
+            f'with margins of {_BLANK_MM:g} mm, got a pattern of {width_mm:g} x {height_mm:g} mm'
+        )
+    return np.array(page)
 
 
 def describe(board: Board) -> str:
@@ -155,16 +193,40 @@ def _page(board: Board, page_mm: Array) -> Figure:
     text = f'{describe(board)}. Print at 100 %.'
     # A letter is about half as wide as it is high.
     size_mm = min(_TEXT_MM, _TEXT_IN_MARGINS * margin_mm, 0.9 * width_mm / (0.55 * len(text)))
+    has_ruler = margin_mm >= _LEAST_FOR_RULER_MM
+    bottom_mm = -0.5 * height_mm + (_BLANK_MM if has_ruler else 0.5 * size_mm)
+    length_mm = min(_RULER_MM, (width_mm - 2.0 * _BLANK_MM) // 10.0 * 10.0)
+    if has_ruler and length_mm >= 10.0:
+        _draw_ruler(axes, length_mm, bottom_mm)
+        bottom_mm -= 1.2 * size_mm
     axes.text(
         0.0,
-        -0.5 * height_mm + 0.5 * size_mm,
+        bottom_mm,
         text.encode('ascii', 'replace').decode(),
         fontsize=size_mm * _POINTS_PER_MM,
         horizontalalignment='center',
-        color='0.45',
+        color=_GREY,
         parse_math=False,
     )
     return figure
+
+
+def _draw_ruler(axes: Axes, length_mm: float, bottom_mm: float) -> None:
+    """Draw a ruler in the middle of the page; its line is at the bottom, its marks point up."""
+    marks_mm = np.arange(0.0, length_mm + 1.0, 10.0) - 0.5 * length_mm
+    top_mm = bottom_mm + 0.4 * _RULER_HEIGHT_MM
+    width = 0.15 * _POINTS_PER_MM
+    axes.hlines(bottom_mm, marks_mm[0], marks_mm[-1], color=_GREY, linewidth=width)
+    axes.vlines(marks_mm, bottom_mm, top_mm, color=_GREY, linewidth=width)
+    for x_mm, label in ((marks_mm[0], '0'), (marks_mm[-1], f'{length_mm:g} mm')):
+        axes.text(
+            x_mm,
+            top_mm + 0.3,
+            label,
+            fontsize=0.5 * _RULER_HEIGHT_MM * _POINTS_PER_MM,
+            horizontalalignment='center',
+            color=_GREY,
+        )
 
 
 def _outline(corners: Array) -> Outline:

@@ -11,8 +11,8 @@ import numpy as np
 from p4pfr_ros import CameraEstimate, EstimateOptions, Keyframe, SelfCalibration, Verdict
 from p4pfr_ros.boards import Board
 from p4pfr_ros.core.geometry import Array
-from p4pfr_ros.detection import detect
-from p4pfr_ros.files.images import ImageArray
+from p4pfr_ros.detection import detect, Detection
+from p4pfr_ros.files.image_sources import NamedImage
 from p4pfr_ros.report.thumbnails import thumbnail
 
 # The grid in which the coverage of the image is counted.
@@ -20,20 +20,34 @@ COLUMNS, ROWS = 10, 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NamedImage:
-    """An image, or the reason why it could not be read, and its name."""
+class DetectedImage:
+    """
+    What was detected in an image (width and height in pixels), or why it could not be read.
+
+    name, stamp_ns, recording: as of a `NamedImage`. thumbnail: the image with its points, small,
+    as JPEG; b'' unless it was asked for.
+    """
 
     name: str
-    image: ImageArray | str
+    image_size: tuple[int, int]
+    detection: Detection | str
+    stamp_ns: int | None = None
+    recording: str = ''
+    thumbnail: bytes = b''
 
 
 @dataclass(frozen=True, slots=True)
 class RejectedImage:
-    """An image without a usable view, and why; numbers count from 1."""
+    """
+    An image without a usable view, and why; numbers count from 1.
+
+    recording: the video or bag that it is a frame of; '' for a file.
+    """
 
     number: int
     name: str
     reason: str
+    recording: str = ''
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +87,7 @@ class CalibrationRun:
     options
         Options of the estimation from each view.
     with_thumbnails
-        Whether small images are kept, for a report.
+        Whether `add` makes small images, for a report.
 
     """
 
@@ -109,30 +123,35 @@ class CalibrationRun:
 
     def add(self, named: NamedImage) -> ViewRecord | RejectedImage:
         """Detect the board in an image and update the calibration."""
+        return self.add_detected(
+            detect_in(named, self.board, with_thumbnail=self._with_thumbnails)
+        )
+
+    def add_detected(self, detected: DetectedImage) -> ViewRecord | RejectedImage:
+        """Update the calibration with what was detected in an image."""
         number = len(self.records) + len(self.rejected) + 1
-        record = self._record(number, named)
+        if detected.thumbnail:
+            self.thumbnails[number] = detected.thumbnail
+        record = self._record(number, detected)
         if isinstance(record, str):
-            rejected = RejectedImage(number, named.name, record)
+            rejected = RejectedImage(number, detected.name, record, detected.recording)
             self.rejected.append(rejected)
             return rejected
         self.records.append(record)
         return record
 
-    def _record(self, number: int, named: NamedImage) -> ViewRecord | str:
+    def _record(self, number: int, detected: DetectedImage) -> ViewRecord | str:
         """Return the record of an image, or why it is rejected."""
-        if isinstance(named.image, str):
-            return named.image
-        detection = detect(named.image, self.board)
-        if self._with_thumbnails:
-            self.thumbnails[number] = thumbnail(named.image, detection)
+        detection, size = detected.detection, detected.image_size
+        if isinstance(detection, str):
+            return detection
         if detection.reason:
             return detection.reason
-        height, width = named.image.shape[:2]
         if self.calibration is None:
-            self.calibration = SelfCalibration((width, height), robust=self._options)
-        if self.calibration.image_size != (width, height):
+            self.calibration = SelfCalibration(size, robust=self._options)
+        if self.calibration.image_size != size:
             expected = '{}x{}'.format(*self.calibration.image_size)
-            return f'expected {expected} px like the previous images, got {width}x{height}'
+            return f'expected {expected} px like the previous images, got {size[0]}x{size[1]}'
         estimate = self.calibration.update(
             detection.image_points, detection.board_points, number, board=self.board.name
         )
@@ -140,13 +159,24 @@ class CalibrationRun:
             return estimate.status.value
         return ViewRecord(
             number,
-            named.name,
+            detected.name,
             len(detection.ids),
             int(estimate.inliers.sum()),
             estimate.rms_px,
             self.calibration.verdict,
             self.calibration.fused,
         )
+
+
+def detect_in(named: NamedImage, board: Board, *, with_thumbnail: bool = False) -> DetectedImage:
+    """Detect a board in an image; it may happen in another process than the calibration."""
+    if isinstance(named.image, str):
+        return DetectedImage(named.name, (0, 0), named.image, named.stamp_ns, named.recording)
+    height, width = named.image.shape[:2]
+    detection = detect(named.image, board)
+    small = thumbnail(named.image, detection) if with_thumbnail else b''
+    size = (width, height)
+    return DetectedImage(named.name, size, detection, named.stamp_ns, named.recording, small)
 
 
 def count_per_cell(points_px: Array, image_size: tuple[int, int]) -> Array:

@@ -11,7 +11,9 @@ import math
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from p4pfr_ros.boards import Board
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array, Pose
 from p4pfr_ros.core.minimal.solution import Solution
@@ -20,13 +22,16 @@ from p4pfr_ros.detection.candidates import NO_CODE, RejectedCandidate
 from p4pfr_ros.files.images import ImageArray
 
 __all__ = [
-    'Straightener',
     'annotate',
     'board_lines',
     'captioned',
+    'remap',
     'straighten',
     'straightened_camera',
+    'straightening_map',
 ]
+
+AnyCamera = DivisionCamera | CameraInfoModel
 
 # Blue, green, red.
 _CORNER, _OUTLINE = (0, 215, 255), (255, 160, 0)
@@ -89,63 +94,46 @@ def annotate(
     return np.asarray(canvas)
 
 
-class Straightener:
-    """
-    Undistorts images of one camera; the map from pixel to pixel is computed once.
-
-    Parameters
-    ----------
-    camera
-        The camera with distortion.
-    image_size
-        Width and height of the images, pixels.
-    max_fov_deg
-        See `straightened_camera`.
-    step_px
-        The map is computed at every so many pixels in x and y, and interpolated between them:
-        fast, for images that only people look at.
-
-    """
-
-    def __init__(
-        self,
-        camera: DivisionCamera,
-        image_size: tuple[int, int],
-        *,
-        max_fov_deg: float = 120.0,
-        step_px: int = 1,
-    ) -> None:
-        width, height = image_size
-        pinhole = straightened_camera(camera, image_size, max_fov_deg=max_fov_deg)
-        # With a margin of one step, so that all pixels are between two of these.
-        x, y = (step_px * (np.arange(-1, side // step_px + 2) + 0.5) - 0.5 for side in image_size)
-        pixels = np.stack(np.meshgrid(x, y), axis=-1)
-        source_px = camera.project(pinhole.unproject(pixels))
-        # (-9, -9), which is outside the image, for rays that no pixel sees.
-        source_px = np.where(np.isfinite(source_px), np.clip(source_px, -9.0, 1e5), -9.0)
-        size = (step_px * len(x), step_px * len(y))
-        enlarged = cv2.resize(source_px.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
-        inside = enlarged[step_px : step_px + height, step_px : step_px + width]
-        self._x, self._y = (np.ascontiguousarray(inside[..., i]) for i in (0, 1))
-
-    def straighten(self, image: ImageArray) -> ImageArray:
-        """Undistort an image of the same size; pixels outside the original image are black."""
-        undistorted = cv2.remap(
-            image, self._x, self._y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT
-        )
-        return np.asarray(undistorted)
-
-
-def straighten(
-    image: ImageArray, camera: DivisionCamera, *, max_fov_deg: float = 120.0
-) -> ImageArray:
+def straighten(image: ImageArray, camera: AnyCamera, *, max_fov_deg: float = 120.0) -> ImageArray:
     """
     Undistort an image, as seen by the pinhole camera `straightened_camera`.
 
-    The image size stays the same; pixels outside the original image are black.
+    The image size stays the same; pixels outside the original image are black. For many images
+    of one camera, compute the `straightening_map` once.
     """
     height, width = image.shape[:2]
-    return Straightener(camera, (width, height), max_fov_deg=max_fov_deg).straighten(image)
+    return remap(image, straightening_map(camera, (width, height), max_fov_deg=max_fov_deg))
+
+
+def straightening_map(
+    camera: AnyCamera,
+    image_size: tuple[int, int],
+    *,
+    max_fov_deg: float = 120.0,
+    step_px: int = 1,
+) -> NDArray[np.float32]:
+    """
+    Return for each pixel of the undistorted image where it is in the image: (h, w, 2).
+
+    step_px: the places are computed at every so many pixels in x and y, and interpolated between
+    them, which is fast, for images that only people look at.
+    """
+    width, height = image_size
+    pinhole = straightened_camera(camera, image_size, max_fov_deg=max_fov_deg)
+    # With a margin of one step, so that all pixels are between two of these.
+    x, y = (step_px * (np.arange(-1, side // step_px + 2) + 0.5) - 0.5 for side in image_size)
+    source_px = camera.project(pinhole.unproject(np.stack(np.meshgrid(x, y), axis=-1)))
+    # (-9, -9), which is outside the image, for rays that no pixel sees.
+    source_px = np.where(np.isfinite(source_px), np.clip(source_px, -9.0, 1e5), -9.0)
+    size = (step_px * len(x), step_px * len(y))
+    enlarged = cv2.resize(source_px.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+    return np.ascontiguousarray(enlarged[step_px : step_px + height, step_px : step_px + width])
+
+
+def remap(image: ImageArray, source_px: NDArray[np.float32]) -> ImageArray:
+    """Return the image with its pixels taken from other places (h, w, 2), interpolated."""
+    interpolation, border = cv2.INTER_LINEAR, cv2.BORDER_CONSTANT
+    return np.asarray(cv2.remap(image, source_px, None, interpolation, borderMode=border))
 
 
 def captioned(image: ImageArray, *lines: str) -> ImageArray:
@@ -160,7 +148,7 @@ def captioned(image: ImageArray, *lines: str) -> ImageArray:
 
 
 def straightened_camera(
-    camera: DivisionCamera, image_size: tuple[int, int], *, max_fov_deg: float = 120.0
+    camera: AnyCamera, image_size: tuple[int, int], *, max_fov_deg: float = 120.0
 ) -> DivisionCamera:
     """
     Return the pinhole camera with the same image size that covers a camera's field of view.

@@ -43,7 +43,7 @@ from p4pfr_ros.report.html_figures import (
     uncertainty_figure,
 )
 from p4pfr_ros.report.maps import map_shape
-from p4pfr_ros.report.number_format import plus_minus, shape_text
+from p4pfr_ros.report.number_format import lens_terms, plus_minus, shape_text
 from p4pfr_ros.report.svg import embedded
 
 _STYLE = Path(__file__).with_name('report.css')
@@ -246,16 +246,8 @@ def _camera_rows(
     yield 'focal length', focal, f'{options.focal_tolerance * camera.focal_px:.2g} px'
     yield 'centre x', f'{x} px', f'{center_px:.2g} px'
     yield 'centre y', f'{y} px', f'{center_px:.2g} px'
-    for name, k, sigma in zip(
-        ('k', 'k2', 'k3', 'k4'), camera.terms, estimate.terms_sigma, strict=True
-    ):
-        if name == 'k' or k != 0.0:
-            yield name, plus_minus(k, sigma), ''
-    if camera.aspect != 1.0:
-        yield 'fy/fx', plus_minus(camera.aspect, estimate.aspect_sigma), ''
-    if camera.is_decentred:
-        for i, name in enumerate(('p1', 'p2')):
-            yield name, plus_minus(getattr(camera, name), estimate.decentring_sigma[i]), ''
+    for name, value, sigma in lens_terms(estimate):
+        yield name, plus_minus(value, sigma), ''
     projection = f'{estimate.projection_sigma_px:.2g} px at most where seen'
     yield 'projection', projection, f'{options.projection_tolerance_px:.2g} px'
     yield 'reprojection error', f'{estimate.rms_px:.3f} px rms', ''

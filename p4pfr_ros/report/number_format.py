@@ -1,12 +1,14 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Formats numbers with their standard deviations, and the shapes of boards."""
+"""Formats numbers with their standard deviations: of lenses, and of the shapes of boards."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import math
 
+from p4pfr_ros.core.many_views.results import CameraEstimate
 from p4pfr_ros.core.model.board_shape import BoardShape, SKEW
 
 _MAX_DIGITS = 9
@@ -45,3 +47,17 @@ def shape_text(shape: BoardShape) -> str:
     if abs(skew) > _SIGNIFICANT * skew_sigma:
         parts.append(f'skewed by {plus_minus(skew, skew_sigma)} degrees')
     return ', '.join(parts)
+
+
+def lens_terms(estimate: CameraEstimate) -> Iterator[tuple[str, float, float]]:
+    """List the terms of the lens with their standard deviations: k, and those that are in use."""
+    camera = estimate.camera
+    names = ('k', 'k2', 'k3', 'k4')
+    for name, k, sigma in zip(names, camera.terms, estimate.terms_sigma, strict=True):
+        if name == 'k' or k != 0.0:
+            yield name, k, sigma
+    if camera.aspect != 1.0:
+        yield 'fy/fx', camera.aspect, estimate.aspect_sigma
+    if camera.is_decentred:
+        for i, name in enumerate(('p1', 'p2')):
+            yield name, getattr(camera, name), estimate.decentring_sigma[i]

@@ -12,7 +12,11 @@ import subprocess
 import sys
 
 import cv2
+import numpy as np
 from p4pfr_ros.cli import main
+from p4pfr_ros.detection import detect
+from p4pfr_ros.files.boards import load_board
+from p4pfr_ros.files.dependencies import how_to_get_ros
 from p4pfr_ros.files.images import read_image
 import pytest
 from rendered import CHESSBOARD, write_empty
@@ -110,10 +114,7 @@ def test_demo_without_ros_names_the_extra():
         "import sys; sys.modules['rclpy'] = None; from p4pfr_ros.cli import main; main(['demo'])"
     )
     err = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True).stderr
-    assert err == (
-        'p4pfr: the demo requires ROS 2 (rclpy is missing): '
-        "source a ROS 2 installation, or pip install 'p4pfr_ros[ros]'\n"
-    )
+    assert err == (f'p4pfr: the demo requires ROS 2 (rclpy is missing): {how_to_get_ros()}\n')
 
 
 @pytest.mark.parametrize('arguments', [[], ['fly'], ['estimate', 'a.png'], ['board', 'b.yaml']])
@@ -135,3 +136,46 @@ def test_a_symmetric_board_is_printed_with_a_note(tmp_path, capsys):
         assert ('wall: the board looks the same after a turn of 180 degrees' in out) == (
             lines == 2
         )
+
+
+def test_a_board_on_paper_of_a_size_is_detected(tmp_path, capsys):
+    """Ruler and name are on the page, and the pattern is to scale in its middle."""
+    path = tmp_path / 'board.png'
+    arguments = ['board', CHESSBOARD, '-o', str(path), '--dpi', '100']
+    assert main([*arguments, '--paper', 'A4']) == 0
+    image = read_image(path)
+    assert image.shape[:2] == (math.ceil(210.0 / 0.254), math.ceil(297.0 / 0.254))
+    board = load_board(CHESSBOARD)
+    points = detect(image, board)
+    middle = 0.5 * np.array(image.shape[1::-1]) - 0.5
+    truth = middle + 100.0 / 0.0254 * board.points * [1.0, -1.0]
+    np.testing.assert_allclose(points.image_points, truth, atol=0.2)
+    capsys.readouterr()
+    large = tmp_path / 'large.yaml'
+    large.write_text('boards: {b: {type: chessboard, columns: 9, rows: 6, square_m: 0.03}}')
+    arguments[1] = str(large)
+    assert main([*arguments, '--paper', 'A4']) == 1
+    assert capsys.readouterr().err == (
+        'p4pfr: b: expected a board that fits on A4 (297 x 210 mm) with margins of 5 mm, '
+        'got a pattern of 300 x 210 mm\n'
+    )
+    assert main([*arguments, '--paper', 'A3']) == 0
+
+
+@pytest.mark.parametrize(
+    ('length', 'size'), [('square_m: 25', '275 x 200 m'), ('square_mm: 0.025', '0.275 x 0.2 mm')]
+)
+def test_a_length_that_is_likely_in_the_wrong_unit_is_warned_of(
+    tmp_path, empty, capsys, length, size
+):
+    board = tmp_path / 'board.yaml'
+    board.write_text(f'boards: {{wall: {{type: chessboard, columns: 9, rows: 6, {length}}}}}')
+    assert main(['estimate', '--board', str(board), empty]) == 1
+    first, _ = capsys.readouterr().err.splitlines()
+    unit = 'metres' if ' m' in size and 'mm' not in size else 'millimetres'
+    assert first.startswith(
+        f'p4pfr: {board}: warning: wall: {size} is an unlikely size of a board'
+    )
+    assert first.endswith(f'are {unit}')
+    main(['estimate', '--board', CHESSBOARD, empty])
+    assert 'warning' not in capsys.readouterr().err

@@ -5,8 +5,9 @@
 
 import numpy as np
 from p4pfr_ros import CameraEstimate, DivisionCamera, Verdict
-from p4pfr_ros.cli.calibrate import print_rejected, print_views
-from p4pfr_ros.report.calibration_run import RejectedImage, ViewRecord
+from p4pfr_ros.cli.arguments import print_reasons
+from p4pfr_ros.cli.calibrate import print_views
+from p4pfr_ros.report.calibration_run import ViewRecord
 import pytest
 
 HELD_CENTER = CameraEstimate(
@@ -38,20 +39,19 @@ def test_of_many_views_those_without_effect_are_counted(capsys, count, shown):
     assert f'1 outlier: {Verdict.OUTLIER.value}' in lines
 
 
-def test_rejected_images_are_listed_or_counted(capsys):
-    rejected = [
-        RejectedImage(1, 'a.png', 'dark'),
-        RejectedImage(2, 'b.png', 'no board'),
-        RejectedImage(4, 'c.png', 'no board'),
-    ]
-    print_rejected(rejected, None)
+def test_rejected_images_are_listed_and_frames_of_a_recording_counted(capsys):
+    print_reasons(
+        [
+            ('a.png', '', 'dark'),
+            ('1.5', 'bag /image', 'dark'),
+            ('b.png', '', 'no board'),
+            ('2.5', 'bag /image', 'no board'),
+            ('3.5', 'bag /image', 'no board'),
+        ]
+    )
     assert capsys.readouterr().err.splitlines() == [
         'p4pfr: a.png: dark',
         'p4pfr: b.png: no board',
-        'p4pfr: c.png: no board',
-    ]
-    print_rejected(rejected, 'bag /image')
-    assert capsys.readouterr().err.splitlines() == [
         'p4pfr: bag /image: 2 images: no board',
         'p4pfr: bag /image: 1 image: dark',
     ]

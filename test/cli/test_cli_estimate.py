@@ -180,7 +180,7 @@ def test_head_on_view_reports_what_it_does_not_determine(tmp_path, capsys):
     assert line['rms_px'] < 0.3
     assert estimate(tmp_path / 'flat.png') == 0
     out = capsys.readouterr().out
-    assert 'flat.png: not determined by this view: distance, focal' in out
+    assert 'flat.png: not determined by the view: distance, focal' in out
     assert ' ? ' in out
 
 
@@ -194,7 +194,7 @@ def test_ambiguous_view_lists_its_candidates(tmp_path, capsys):
     focal_px = [candidate['focal_px'] for candidate in line['candidates']]
     assert min(focal_px, key=lambda f: abs(f - FOCAL_PX)) == pytest.approx(FOCAL_PX, rel=0.15)
     assert estimate(tmp_path / 'm.png', board=MARKER) == 0
-    assert 'm.png: 2 solutions fit this view equally well' in capsys.readouterr().out
+    assert 'm.png: 2 solutions fit the view equally well' in capsys.readouterr().out
 
 
 def test_draw_writes_the_annotated_image(scenes, tmp_path):
@@ -277,7 +277,7 @@ def test_a_mirrored_order_is_reported_unless_the_board_is_two_sided(scenes, caps
         detection = detect(image, board)
         return replace(detection, board_points=detection.board_points * [-1.0, 1.0])
 
-    monkeypatch.setattr('p4pfr_ros.cli.estimate.detect', mirrored)
+    monkeypatch.setattr('p4pfr_ros.report.image_pose.detect', mirrored)
     path = str(scenes / 'a.png')
     reason = 'the board would be seen from behind: is the corner order right?'
     assert estimate(path) == 1

@@ -35,7 +35,7 @@ def test_one_source_is_needed(arguments, tmp_path):
 @pytest.mark.parametrize(
     ('arguments', 'reason'),
     [
-        (['none.mp4'], 'none.mp4: expected a video, an image or a folder of images'),
+        (['none.mp4'], 'none.mp4: expected a video: no such file'),
         (['.', '-o', '/proc/no/camera.yaml'], '/proc/no/camera.yaml: expected a writable path'),
         (['.', '--host', 'no-such-host.invalid'], 'cannot listen on no-such-host.invalid:0: '),
         (['.', '--board', 'none.yaml'], 'none.yaml: expected a readable file'),

@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 
+from p4pfr_ros.files.dependencies import EXTRAS, install_command
 import pytest
 from rendered import CHESSBOARD, write_scene
 
@@ -17,9 +18,11 @@ sys.modules.update(dict.fromkeys({missing!r}))
 from p4pfr_ros.cli import main
 sys.exit(main({arguments!r}))
 """
-TABLES = "p4pfr: tables need rich: pip install 'p4pfr_ros[cli]'\n"
-PAGES = "p4pfr: web pages need aiohttp: pip install 'p4pfr_ros[live]'\n"
-PLOTS = "p4pfr: plots and printed boards need matplotlib: pip install 'p4pfr_ros[plot]'\n"
+TABLES = f'p4pfr: tables need rich: {install_command(EXTRAS["rich"])}\n'
+PLOTS = (
+    f'p4pfr: plots and printed boards need matplotlib: {install_command(EXTRAS["matplotlib"])}\n'
+)
+PAGES = f'p4pfr: web pages need aiohttp: {install_command(EXTRAS["aiohttp"])}\n'
 
 
 @pytest.fixture

@@ -80,7 +80,8 @@ def test_a_board_with_a_hidden_column_is_not_found(end):
     column_px = project(PINHOLE, pose, BOARD.points).reshape(6, 9, 2)[:, end, 0].mean()
     hidden = slice(0, int(column_px) + 8) if end.start == 0 else slice(int(column_px) - 8, None)
     image[:, hidden] = 140
-    assert detect(image, BOARD).reason == 'no 9x6 chessboard found'
+    hint = ': 8x6 inner corners are visible'
+    assert detect(image, BOARD).reason == f'no 9x6 chessboard found{hint}'
 
 
 @pytest.mark.parametrize(('columns', 'rows'), [(10, 6), (9, 7), (8, 6), (6, 8)])
@@ -88,7 +89,32 @@ def test_a_board_of_another_size_is_not_found(columns, rows):
     other = Chessboard(columns=columns, rows=rows, square_m=0.022)
     image = render(other, PINHOLE, seen_from(0.4, (0.2, 0.1)), SIZE, **REAL_LENS)
     assert detect(image, other).reason == ''
-    assert detect(image, BOARD).reason == 'no 9x6 chessboard found'
+    assert detect(image, BOARD).reason.startswith('no 9x6 chessboard found: ')
+
+
+@pytest.mark.parametrize(
+    ('columns', 'rows', 'hint'),
+    [
+        (8, 6, ': 9x6 inner corners are visible'),
+        (5, 9, ': 6x9 inner corners are visible'),
+        (
+            10,
+            7,
+            ': 9x6 inner corners are visible (columns and rows count inner corners, not squares)',
+        ),
+        (7, 5, ': 9x6 inner corners are visible'),
+    ],
+)
+def test_the_size_that_is_visible_instead_is_named(columns, rows, hint):
+    """So for a board file that has only a part of the board, or counts its squares."""
+    image = render(BOARD, PINHOLE, seen_from(0.45, (0.2, 0.1), 0.1), SIZE, **REAL_LENS)
+    given = Chessboard(columns=columns, rows=rows, square_m=0.025)
+    assert detect(image, given).reason == f'no {columns}x{rows} chessboard found{hint}'
+
+
+def test_clutter_is_no_board_of_another_size():
+    noise = np.random.default_rng(1).integers(0, 256, (480, 640), dtype=np.uint8)
+    assert detect(noise, BOARD).reason == 'no 9x6 chessboard found'
 
 
 def test_of_two_boards_the_larger_one_is_meant():

@@ -10,6 +10,7 @@ import sys
 
 import numpy as np
 from p4pfr_ros.files.bags import ImageBag
+from p4pfr_ros.files.dependencies import EXTRAS, install_command
 from p4pfr_ros.files.pixel_formats import Unreadable
 from p4pfr_ros.files.yaml_fields import ConfigError
 import pytest
@@ -168,5 +169,5 @@ def test_without_rosbags_the_error_names_the_extra():
     err = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True).stderr
     assert err.splitlines()[-1] == (
         'p4pfr_ros.files.yaml_fields.ConfigError: reading bags needs rosbags: '
-        "pip install 'p4pfr_ros[bags]'"
+        f'{install_command(EXTRAS["rosbags"])}'
     )

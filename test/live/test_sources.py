@@ -29,7 +29,7 @@ def test_a_folder_is_read_to_its_end(session, images, tmp_path):
     snapshot = session.snapshot
     assert (snapshot.source, snapshot.source_name) == (SourceState.ENDED, str(folder))
     assert snapshot.number == 5
-    assert snapshot.rejected[0].name == 'a_broken.png'
+    assert snapshot.rejected[0].name == str(folder / 'a_broken.png')
     assert len(snapshot.progress.views) == 4
 
 
@@ -41,7 +41,7 @@ def test_a_video_is_read_to_its_end(session, images, tmp_path):
     writer.release()
     feed(session, str(path), None)
     assert session.snapshot.source is SourceState.ENDED
-    assert session.snapshot.name == 'frame 3'
+    assert session.snapshot.name == f'{path}#2'
     assert len(session.snapshot.progress.views) == 3
 
 
@@ -53,7 +53,7 @@ def test_a_single_image_is_a_source(session, images):
 @pytest.mark.parametrize(
     ('source', 'reason'),
     [
-        ('none.mp4', 'none.mp4: expected a video, an image or a folder of images'),
+        ('none.mp4', 'none.mp4: expected a video: no such file'),
         ('.', '.: expected a directory with images, got none'),
         ('63', 'camera 63: expected a camera that this user may open, got none'),
     ],
