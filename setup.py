@@ -63,7 +63,7 @@ setup(
     license='Apache-2.0',
     python_requires='>=3.10',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['py.typed']},
+    package_data={PACKAGE: ['py.typed', 'live/web/*', 'report/*.css']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (SHARE, ['package.xml']),
@@ -95,6 +95,8 @@ setup(
             'ros-jazzy-rclpy',
             'ros-jazzy-rmw-fastrtps-cpp',
         ],
+        # `p4pfr live` and dashboard_node.
+        'live': ['aiohttp>=3.9'],
         # `p4pfr calibrate --bag`. Not in package.xml: rosdep installs it by pip, and ROS's build
         # farm releases no package that needs pip.
         'bags': ['rosbags>=0.11'],
@@ -102,6 +104,7 @@ setup(
         'distributed': ['distributed'],
         # Without pytest here, colcon runs no tests and reports success.
         'test': [
+            'aiohttp>=3.9',
             'catkin-pkg',
             'distributed',
             'hypothesis',
@@ -111,6 +114,7 @@ setup(
             'pytest-xdist',
             'rich',
             'rosbags>=0.11',
+            'selenium',
         ],
         # `make docs`: the site, the notebook, and the schemas of CITATION.cff and .github.
         'docs': ['check-jsonschema', 'furo', 'ipykernel', 'myst-parser', 'nbclient', 'sphinx'],

@@ -17,11 +17,18 @@ import p4pfr_ros
 import pytest
 
 ROOT = Path(__file__).parent.parent
-NODES = {'pose_node', 'lifecycle_pose_node', 'detector_node', 'camera_simulator'}
+NODES = {
+    'camera_simulator',
+    'dashboard_node',
+    'detector_node',
+    'lifecycle_pose_node',
+    'pose_node',
+}
 
 # Names on PyPI and in rosdep of the modules that we import. Others have the module's name.
 PYPI = {'cv2': 'opencv-python-headless', 'yaml': 'pyyaml', 'catkin_pkg': 'catkin-pkg'}
 ROSDEP = {
+    'aiohttp': 'python3-aiohttp',
     'cv2': 'python3-opencv',
     'catkin_pkg': 'python3-catkin-pkg-modules',
     'matplotlib': 'python3-matplotlib',
@@ -142,7 +149,7 @@ def test_an_import_is_guarded_if_each_of_its_places_is(tmp_path):
 def test_setup_py_lists_the_imports():
     used = third_parties('p4pfr_ros')
     from_pypi = {top for top in used if ROSDEP.get(top, '').startswith('python3-')}
-    optional = requirements('cli') | requirements('plot')
+    optional = requirements('cli') | requirements('live') | requirements('plot')
     assert requirements() | optional == {PYPI.get(top, top) for top in from_pypi}
     assert not requirements() & optional
 
@@ -153,6 +160,7 @@ def test_setup_py_lists_the_imports():
         ('bags', {'rosbags'}),
         ('cli', {'rich'}),
         ('distributed', {'distributed'}),
+        ('live', {'aiohttp'}),
         ('plot', {'matplotlib'}),
     ],
 )
@@ -209,6 +217,14 @@ def test_data_files_are_installed():
         ours = {str(path.relative_to(ROOT)) for path in ROOT.glob(pattern)}
         assert ours, pattern
         assert ours == {str(path.relative_to(share)) for path in share.glob(pattern)}
+
+
+def test_the_files_of_the_web_page_are_in_the_package():
+    """In a wheel and in a colcon workspace, not only in the sources."""
+    web = Path(p4pfr_ros.__file__).parent / 'live' / 'web'
+    ours = {path.name for path in (ROOT / 'p4pfr_ros' / 'live' / 'web').iterdir()}
+    assert ours == {path.name for path in web.iterdir()}
+    assert {'index.html', 'live.css', 'live.js'} <= ours
 
 
 def test_python_m_runs_the_command():

@@ -9,14 +9,17 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from p4pfr_ros.ros.camera_simulator import CameraSimulator
+from p4pfr_ros.ros.dashboard_node import DashboardNode
 from p4pfr_ros.ros.detector_node import DetectorNode
 from p4pfr_ros.ros.lifecycle_pose_node import LifecyclePoseNode
+from p4pfr_ros.ros.parameters.dashboard_options import DashboardNodeOptions
 from p4pfr_ros.ros.parameters.image_node_options import CameraSimulatorOptions, DetectorNodeOptions
 from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
 from p4pfr_ros.ros.pose_node import PoseNode
 
 from .descriptions import (
     CAMERA_SIMULATOR,
+    DASHBOARD_NODE,
     DETECTOR_NODE,
     LIFECYCLE_POSE_NODE,
     OPTIONAL_OF_POSE_NODE,
@@ -63,10 +66,26 @@ def camera_simulator() -> dict[str, str]:
     }
 
 
+def dashboard_node() -> dict[str, str]:
+    """Return the generated parts of the page of dashboard_node, by name."""
+    given = {
+        'board_file': str(BOARD),
+        'port': '0',
+        'set_camera_info_service': 'set_camera_info',
+    }
+    endpoints = endpoints_of(DashboardNode, given)
+    endpoints |= endpoints_of(DashboardNode, {**given, 'image.transport': 'compressed'})
+    return {
+        'interface': interface('dashboard_node', endpoints, DASHBOARD_NODE),
+        'parameters': parameters(DashboardNodeOptions()),
+    }
+
+
 PAGES: Mapping[str, Callable[[], dict[str, str]]] = {
     'pose_node.md': pose_node,
     'detector_node.md': detector_node,
     'camera_simulator.md': camera_simulator,
+    'dashboard_node.md': dashboard_node,
 }
 
 

@@ -121,6 +121,30 @@ CAMERA_SIMULATOR = {
     '~/pose_true': 'The true pose of the board in the frame of the image.',
 }
 
+DASHBOARD_NODE = {
+    'image': (
+        'The raw image, if `image.transport` is `raw`, in any encoding of detector_node. The QoS '
+        'is that of its publishers: see `image.reliability`.'
+    ),
+    'image/compressed': (
+        'The raw image as JPEG or PNG, if `image.transport` is `compressed`. The QoS is that of '
+        'its publishers.'
+    ),
+    '/diagnostics': (
+        'Once a second: the rate of the images, those that are missing in it, the time that one '
+        'takes, and rejections.'
+    ),
+    '~/save_calibration': (
+        'As the button Save: save the calibration to `calibration_file`, in the format of '
+        'camera_calibration. The response has the path, or the reason of a failure.'
+    ),
+    '~/reset_calibration': 'As the button Reset: drop the calibration, and restart.',
+    'set_camera_info': (
+        'Service of the camera driver, named by `set_camera_info_service`. Receives each '
+        'calibration that is saved.'
+    ),
+}
+
 # Present if their packages are installed; the tables list them always.
 OPTIONAL_OF_POSE_NODE = frozenset(
     {

@@ -19,6 +19,7 @@ from p4pfr_ros.cli import (
     demo,
     estimate,
     info,
+    live,
     undistort,
 )
 from p4pfr_ros.files.yaml_fields import ConfigError
@@ -55,6 +56,16 @@ def _parser() -> argparse.ArgumentParser:
     version = f'p4pfr_ros {__version__}'
     parser.add_argument('--version', action='version', version=version)
     commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
-    for command in (estimate, calibrate, batch, info, undistort, board, compile_kernels, demo):
+    for command in (
+        estimate,
+        calibrate,
+        live,
+        batch,
+        info,
+        undistort,
+        board,
+        compile_kernels,
+        demo,
+    ):
         command.add_parser(commands)
     return parser

@@ -28,7 +28,7 @@ from p4pfr_ros.cli.arguments import (
 )
 from p4pfr_ros.cli.terminal import prepare_kernels, print_table, with_progress
 from p4pfr_ros.cli.workers import in_order
-from p4pfr_ros.files.calibration import Calibration, save_calibration
+from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
 from p4pfr_ros.files.dependencies import require
 from p4pfr_ros.files.image_sources import Frame, open_source
 from p4pfr_ros.files.images import Decoding
@@ -52,8 +52,8 @@ used it. Images without the board are reported on stderr and otherwise ignored.
 The output is a YAML file of camera_calibration, which camera drivers load. It
 is written if the camera is calibrated, that is, if all uncertainties are
 within tolerance; otherwise the reason is printed to stderr and the exit status
-is 1. --force writes an uncalibrated camera as well. The report of --plot is
-written in either case.
+is 1. --force writes an uncalibrated camera as well. The reports of --plot and
+--report are written in either case.
 
 With --json, each line is a JSON object for one image, and the last line holds
 the camera, or null if there is none. Lengths are in pixels unless they have
@@ -87,6 +87,13 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add('-o', '--output', required=True, type=Path, metavar='FILE', help='output file (YAML)')
     add('--name', default='camera', help='camera_name in the output (default: %(default)s)')
     add('--plot', type=Path, metavar='FILE', help='write a report as .png, .svg or .pdf')
+    add('--report', type=Path, metavar='FILE', help='write a report as one .html file')
+    add(
+        '--compare',
+        type=Path,
+        metavar='FILE',
+        help='calibration file (YAML) to compare the camera with, in the report',
+    )
     add('--json', action='store_true', help='print JSON lines instead of a table')
     add('--force', action='store_true', help='write the camera even if it is not calibrated')
     add_estimate_option(parser, '--threshold', 'threshold_px', 'PX')
@@ -103,10 +110,12 @@ def run(arguments: argparse.Namespace) -> int:
     )
     board = load_board_with_notes(arguments.board)
     calibration_run = CalibrationRun(board, options)
+    other = load_calibration(arguments.compare) if arguments.compare else None
     prepare_kernels()
     how = Decoding(as_grey=True, max_megapixels=arguments.max_megapixels)
     with open_source(paths, arguments.topic, arguments.every, arguments.max_megapixels) as source:
-        find = partial(_detect, how=how, board=board)
+        with_thumbnail = arguments.report is not None
+        find = partial(_detect, how=how, board=board, with_thumbnail=with_thumbnail)
         detected = in_order(find, source.frames, source.count, arguments.jobs)
         for image in with_progress(detected, source.count, prints=arguments.json):
             result = calibration_run.add_detected(image)
@@ -119,11 +128,11 @@ def run(arguments: argparse.Namespace) -> int:
         print_views(calibration_run.records)
         print_reasons((r.name, r.recording, r.reason) for r in calibration_run.rejected)
         _print_summary(calibration_run, calibration)
-    return _write(arguments, calibration_run, calibration)
+    return _write(arguments, calibration_run, calibration, other)
 
 
-def _detect(frame: Frame, how: Decoding, board: Board) -> DetectedImage:
-    return detect_in(frame.load(how), board)
+def _detect(frame: Frame, how: Decoding, board: Board, *, with_thumbnail: bool) -> DetectedImage:
+    return detect_in(frame.load(how), board, with_thumbnail=with_thumbnail)
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -137,6 +146,12 @@ def _check(arguments: argparse.Namespace) -> None:
 
         check_suffix(arguments.plot)
         check_writable(arguments.plot)
+    if arguments.compare and not arguments.report:
+        arguments.usage_error('--compare requires --report')
+    if arguments.report:
+        if arguments.report.suffix.lower() not in ('.html', '.htm'):
+            raise ConfigError(f'{arguments.report}: expected a file name ending in .html')
+        check_writable(arguments.report)
 
 
 def _calibration(calibration_run: CalibrationRun, name: str) -> Calibration | None:
@@ -148,7 +163,10 @@ def _calibration(calibration_run: CalibrationRun, name: str) -> Calibration | No
 
 
 def _write(
-    arguments: argparse.Namespace, calibration_run: CalibrationRun, calibration: Calibration | None
+    arguments: argparse.Namespace,
+    calibration_run: CalibrationRun,
+    calibration: Calibration | None,
+    other: Calibration | None,
 ) -> int:
     if calibration is None or calibration_run.calibration is None:
         reason = (
@@ -161,6 +179,11 @@ def _write(
         from p4pfr_ros.report.plots import write_report
 
         write_report(arguments.plot, calibration_run.calibration, calibration_run.records)
+    if arguments.report:
+        from p4pfr_ros.report.html_report import OtherCamera, write_html_report
+
+        compared = OtherCamera(str(arguments.compare), other) if other else None
+        write_html_report(arguments.report, calibration_run, calibration, compared)
     state = calibration_run.calibration.state
     if state is not CalibrationState.CALIBRATED and not arguments.force:
         missing = '; '.join(calibration_run.calibration.missing)

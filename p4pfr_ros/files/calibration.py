@@ -118,11 +118,17 @@ def save_calibration(path: str | os.PathLike[str], calibration: Calibration) -> 
         The path is not writable, or not that of a regular file.
 
     """
-    tree = _tree_from(calibration)
-    text = yaml.dump(tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None)
+    text = calibration_text(calibration)
     backup = None if is_missing(path) or _is_ours(path) else back_up(path)
     write_atomically(path, text)
     return backup
+
+
+def calibration_text(calibration: Calibration) -> str:
+    """Return the content of a calibration file."""
+    tree = _tree_from(calibration)
+    text: str = yaml.dump(tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None)
+    return text
 
 
 def load_calibration(path: str | os.PathLike[str], camera_name: str = '') -> Calibration:

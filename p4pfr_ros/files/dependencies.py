@@ -54,6 +54,7 @@ class Extra:
 
 # By module.
 EXTRAS = {
+    'aiohttp': Extra('live', 'web pages', "'aiohttp>=3.9'", 'python3-aiohttp'),
     'distributed': Extra(
         'distributed', 'batches of recordings', 'distributed', 'python3-distributed'
     ),

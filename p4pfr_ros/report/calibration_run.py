@@ -13,6 +13,7 @@ from p4pfr_ros.boards import Board
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect, Detection
 from p4pfr_ros.files.image_sources import NamedImage
+from p4pfr_ros.report.thumbnails import thumbnail
 
 # The grid in which the coverage of the image is counted.
 COLUMNS, ROWS = 10, 8
@@ -23,7 +24,8 @@ class DetectedImage:
     """
     What was detected in an image (width and height in pixels), or why it could not be read.
 
-    name, stamp_ns, recording: as of a `NamedImage`.
+    name, stamp_ns, recording: as of a `NamedImage`. thumbnail: the image with its points, small,
+    as JPEG; b'' unless it was asked for.
     """
 
     name: str
@@ -31,6 +33,7 @@ class DetectedImage:
     detection: Detection | str
     stamp_ns: int | None = None
     recording: str = ''
+    thumbnail: bytes = b''
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +79,26 @@ class CalibrationRun:
     Feeds images of a board to a `SelfCalibration`, and records the result of each.
 
     The first image in which the board is detected sets the image size for all others.
+
+    Parameters
+    ----------
+    board
+        The board in the images.
+    options
+        Options of the estimation from each view.
+    with_thumbnails
+        Whether `add` makes small images, for a report.
+
     """
 
-    def __init__(self, board: Board, options: EstimateOptions) -> None:
-        self._board = board
+    def __init__(
+        self, board: Board, options: EstimateOptions, *, with_thumbnails: bool = False
+    ) -> None:
+        self.board = board
         self._options = options
+        self._with_thumbnails = with_thumbnails
+        # Small images with their points, JPEG, by the numbers of the images.
+        self.thumbnails: dict[int, bytes] = {}
         self.calibration: SelfCalibration | None = None
         self.records: list[ViewRecord] = []
         self.rejected: list[RejectedImage] = []
@@ -105,11 +123,15 @@ class CalibrationRun:
 
     def add(self, named: NamedImage) -> ViewRecord | RejectedImage:
         """Detect the board in an image and update the calibration."""
-        return self.add_detected(detect_in(named, self._board))
+        return self.add_detected(
+            detect_in(named, self.board, with_thumbnail=self._with_thumbnails)
+        )
 
     def add_detected(self, detected: DetectedImage) -> ViewRecord | RejectedImage:
         """Update the calibration with what was detected in an image."""
         number = len(self.records) + len(self.rejected) + 1
+        if detected.thumbnail:
+            self.thumbnails[number] = detected.thumbnail
         record = self._record(number, detected)
         if isinstance(record, str):
             rejected = RejectedImage(number, detected.name, record, detected.recording)
@@ -131,7 +153,7 @@ class CalibrationRun:
             expected = '{}x{}'.format(*self.calibration.image_size)
             return f'expected {expected} px like the previous images, got {size[0]}x{size[1]}'
         estimate = self.calibration.update(
-            detection.image_points, detection.board_points, number, board=self._board.name
+            detection.image_points, detection.board_points, number, board=self.board.name
         )
         if estimate.model is None:
             return estimate.status.value
@@ -146,13 +168,15 @@ class CalibrationRun:
         )
 
 
-def detect_in(named: NamedImage, board: Board) -> DetectedImage:
+def detect_in(named: NamedImage, board: Board, *, with_thumbnail: bool = False) -> DetectedImage:
     """Detect a board in an image; it may happen in another process than the calibration."""
     if isinstance(named.image, str):
         return DetectedImage(named.name, (0, 0), named.image, named.stamp_ns, named.recording)
     height, width = named.image.shape[:2]
     detection = detect(named.image, board)
-    return DetectedImage(named.name, (width, height), detection, named.stamp_ns, named.recording)
+    small = thumbnail(named.image, detection) if with_thumbnail else b''
+    size = (width, height)
+    return DetectedImage(named.name, size, detection, named.stamp_ns, named.recording, small)
 
 
 def count_per_cell(points_px: Array, image_size: tuple[int, int]) -> Array:

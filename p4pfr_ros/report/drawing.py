@@ -15,13 +15,21 @@ from numpy.typing import NDArray
 from p4pfr_ros.boards import Board
 from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.cameras.division import DivisionCamera
-from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.core.geometry import Array, Pose
 from p4pfr_ros.core.minimal.solution import Solution
 from p4pfr_ros.detection import Detection
 from p4pfr_ros.detection.candidates import NO_CODE, RejectedCandidate
 from p4pfr_ros.files.images import ImageArray
 
-__all__ = ['annotate', 'remap', 'straighten', 'straightened_camera', 'straightening_map']
+__all__ = [
+    'annotate',
+    'board_lines',
+    'captioned',
+    'remap',
+    'straighten',
+    'straightened_camera',
+    'straightening_map',
+]
 
 AnyCamera = DivisionCamera | CameraInfoModel
 
@@ -31,6 +39,8 @@ _AXES = ((60, 60, 255), (60, 200, 60), (255, 90, 60))  # x red, y green, z blue
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _INK = (255, 255, 255)
 _REJECTED = (200, 80, 255)
+# Of captions: the grey level of their bar, and the height of a line.
+_BAR, _CAPTION_PX = 32, 22.0
 # Of the candidates without a code, which are many, these largest ones are drawn.
 _MAX_WITHOUT_CODE = 40
 # The same reason is written so many times.
@@ -96,22 +106,45 @@ def straighten(image: ImageArray, camera: AnyCamera, *, max_fov_deg: float = 120
 
 
 def straightening_map(
-    camera: AnyCamera, image_size: tuple[int, int], *, max_fov_deg: float = 120.0
+    camera: AnyCamera,
+    image_size: tuple[int, int],
+    *,
+    max_fov_deg: float = 120.0,
+    step_px: int = 1,
 ) -> NDArray[np.float32]:
-    """Return for each pixel of the undistorted image where it is in the image: (h, w, 2)."""
+    """
+    Return for each pixel of the undistorted image where it is in the image: (h, w, 2).
+
+    step_px: the places are computed at every so many pixels in x and y, and interpolated between
+    them, which is fast, for images that only people look at.
+    """
     width, height = image_size
     pinhole = straightened_camera(camera, image_size, max_fov_deg=max_fov_deg)
-    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
-    source_px = camera.project(pinhole.unproject(pixels))
+    # With a margin of one step, so that all pixels are between two of these.
+    x, y = (step_px * (np.arange(-1, side // step_px + 2) + 0.5) - 0.5 for side in image_size)
+    source_px = camera.project(pinhole.unproject(np.stack(np.meshgrid(x, y), axis=-1)))
     # (-9, -9), which is outside the image, for rays that no pixel sees.
     source_px = np.where(np.isfinite(source_px), np.clip(source_px, -9.0, 1e5), -9.0)
-    return source_px.astype(np.float32)
+    size = (step_px * len(x), step_px * len(y))
+    enlarged = cv2.resize(source_px.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+    return np.ascontiguousarray(enlarged[step_px : step_px + height, step_px : step_px + width])
 
 
 def remap(image: ImageArray, source_px: NDArray[np.float32]) -> ImageArray:
     """Return the image with its pixels taken from other places (h, w, 2), interpolated."""
     interpolation, border = cv2.INTER_LINEAR, cv2.BORDER_CONSTANT
     return np.asarray(cv2.remap(image, source_px, None, interpolation, borderMode=border))
+
+
+def captioned(image: ImageArray, *lines: str) -> ImageArray:
+    """Return an image, (h, w, 3), with lines of text below it."""
+    scale = max(1.0, image.shape[0] / _REFERENCE_HEIGHT_PX)
+    line_px = round(_CAPTION_PX * scale)
+    bar = np.full((line_px * len(lines) + line_px // 3, image.shape[1], 3), _BAR, dtype=np.uint8)
+    for i, line in enumerate(lines):
+        at = (0.4 * line_px, line_px * (i + 0.8))
+        _write_at(bar, line, at, _INK, 0.5 * scale)
+    return np.concatenate([image, bar])
 
 
 def straightened_camera(
@@ -197,34 +230,56 @@ def _draw_candidates(
             _write_at(canvas, candidate.reason, (left, bottom), _REJECTED, size)
 
 
-def _draw_board(canvas: ImageArray, solution: Solution, board: Board, scale: float) -> None:
+def board_lines(
+    board: Board, camera_from_board: Pose, camera: DivisionCamera
+) -> dict[str, list[Array]]:
+    """
+    Project the outline of a board's sheet and its axes, distorted by the lens.
+
+    Returns
+    -------
+    By the names 'outline', 'x', 'y' and 'z' the visible parts of the lines, each (N, 2) pixels.
+
+    """
     width_m, height_m = board.sheet_size_m
     x, y = 0.5 * width_m, 0.5 * height_m
-    outline = [(-x, y, 0.0), (x, y, 0.0), (x, -y, 0.0), (-x, -y, 0.0), (-x, y, 0.0)]
-    for start, end in pairwise(outline):
-        _draw_line(canvas, solution, start, end, _OUTLINE, 1.5 * scale)
+    corners = np.array([(-x, y, 0.0), (x, y, 0.0), (x, -y, 0.0), (-x, -y, 0.0), (-x, y, 0.0)])
+    edges = [_segments(*ends)[:-1] for ends in pairwise(corners)]
+    lines = {'outline': np.concatenate([*edges, corners[-1:]])}
     length_m = 0.35 * min(board.sheet_size_m)
-    for axis, colour in zip(np.eye(3), _AXES, strict=True):
-        end = tuple((length_m * axis).tolist())
-        _draw_line(canvas, solution, (0.0, 0.0, 0.0), end, colour, 3.0 * scale)
+    for name, axis in zip('xyz', np.eye(3), strict=True):
+        lines[name] = _segments(np.zeros(3), length_m * axis)
+    return {
+        name: _visible_parts(camera.project(camera_from_board.transform(points)))
+        for name, points in lines.items()
+    }
 
 
-def _draw_line(
-    canvas: ImageArray,
-    solution: Solution,
-    start: tuple[float, ...],
-    end: tuple[float, ...],
-    colour: tuple[int, int, int],
-    thickness_px: float,
-) -> None:
-    """Draw a straight line of the board frame, distorted by the lens."""
-    in_board = np.linspace(start, end, _SEGMENTS + 1)
-    in_camera = solution.camera_from_board.transform(in_board)
-    pixels = solution.camera.project(in_camera)
+def _segments(start: Array, end: Array) -> Array:
+    """Divide a straight line into segments: (N, 3)."""
+    points: Array = np.linspace(start, end, _SEGMENTS + 1)
+    return points
+
+
+def _visible_parts(pixels: Array) -> list[Array]:
+    """Cut a projected line (N, 2) where it is not visible."""
     # Far outside the image, the integer coordinates of cv2 would overflow.
     visible = np.isfinite(pixels).all(axis=1) & (np.abs(pixels) < 1e5).all(axis=1)
     gaps = np.flatnonzero(np.diff(np.flatnonzero(visible)) > 1) + 1
-    for part in np.split(pixels[visible], gaps):
+    return [part for part in np.split(pixels[visible], gaps) if len(part)]
+
+
+def _draw_board(canvas: ImageArray, solution: Solution, board: Board, scale: float) -> None:
+    lines = board_lines(board, solution.camera_from_board, solution.camera)
+    _draw_line(canvas, lines['outline'], _OUTLINE, 1.5 * scale)
+    for name, colour in zip('xyz', _AXES, strict=True):
+        _draw_line(canvas, lines[name], colour, 3.0 * scale)
+
+
+def _draw_line(
+    canvas: ImageArray, parts: list[Array], colour: tuple[int, int, int], thickness_px: float
+) -> None:
+    for part in parts:
         points = np.rint(part * 2**_SHIFT).astype(np.int32)
         thickness = max(1, round(thickness_px))
         cv2.polylines(canvas, [points], False, colour, thickness, cv2.LINE_AA, _SHIFT)

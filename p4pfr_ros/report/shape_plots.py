@@ -17,12 +17,10 @@ from matplotlib.collections import LineCollection
 import numpy as np
 from p4pfr_ros import BoardShape, CameraEstimate, Keyframe
 from p4pfr_ros.core.geometry import Array, Mask
-from p4pfr_ros.core.many_views.progress import Coverage, projection_sigmas_px
 from p4pfr_ros.report.figure_style import GREY
+from p4pfr_ros.report.maps import board_heights_m, map_shape, uncertainty_map_px
 from p4pfr_ros.report.number_format import shape_text
 
-# Cells of the maps along the longer side.
-_CELLS = 64
 # More boards are not drawn.
 _MAX_BOARDS = 2
 # The colours of the uncertainty end at this multiple of the largest one where points were seen.
@@ -65,10 +63,7 @@ def _draw_uncertainty(
 ) -> None:
     """Draw the standard deviation of projections, and the outline of the part that was seen."""
     width, height = size
-    shape = _cells(height, width)
-    y, x = ((np.indices(shape)[i] + 0.5) * size[1 - i] / shape[i] - 0.5 for i in (0, 1))
-    pixels = np.stack([x.ravel(), y.ravel()], axis=-1)
-    sigmas = uncertainty_px(estimate, pixels, _seen_pixels(estimate, size)).reshape(shape)
+    sigmas = uncertainty_map_px(estimate, size, map_shape(height, width))
     known_px = estimate.projection_sigma_px
     largest = known_px if known_px > 0.0 else float(np.nanmedian(sigmas))
     extent = (-0.5, width - 0.5, height - 0.5, -0.5)
@@ -98,34 +93,6 @@ def _colour_bar(figure: Any, axes: Any, image: Any, label: str, extend: str = 'n
     bar.set_label(label)
 
 
-def _cells(height: float, width: float) -> tuple[int, int]:
-    """Return rows and columns of nearly square cells."""
-    longer = max(height, width)
-    rows, columns = (max(2, round(_CELLS * side / longer)) for side in (height, width))
-    return rows, columns
-
-
-def _seen_pixels(estimate: CameraEstimate, size: tuple[int, int]) -> Array:
-    """Return the middles of the parts of the image in which points were seen, (n, 2)."""
-    coverage = Coverage(size, True if estimate.coverage is None else estimate.coverage)
-    return coverage.pixels(estimate.camera.center_px, estimate.seen_radius_px or math.inf)
-
-
-def uncertainty_px(estimate: CameraEstimate, pixels: Array, seen: Array) -> Array:
-    """
-    Return the standard deviation of projections at pixels (N, 2), in the worst direction.
-
-    Anywhere in the image: the turn of the camera that is taken out is the one that explains most
-    where points were seen, at pixels (n, 2). NaN where the lens sees nothing.
-    """
-    camera = estimate.camera
-    sigmas = projection_sigmas_px(camera, estimate.covariance, pixels, seen)
-    # Beyond the fold of the lens a pixel sees the ray of another one.
-    off_px = np.abs(camera.project(camera.unproject(pixels)) - pixels).max(axis=1)
-    visible: Array = np.where(off_px < 1e-3 * camera.focal_px, sigmas, np.nan)
-    return visible
-
-
 def _outline(axes: Any, seen: Mask, size: tuple[int, int]) -> None:
     """Outline the cells in which points were seen."""
     rows, columns = seen.shape
@@ -144,15 +111,7 @@ def _outline(axes: Any, seen: Mask, size: tuple[int, int]) -> None:
 def _draw_board(figure: Any, axes: Any, name: str, shape: BoardShape, points: Array) -> None:
     """Draw the height of a board over its best plane."""
     (x, y), (half_x, half_y) = shape.center, shape.half_extent
-    rows, columns = _cells(max(half_y, 1e-9), max(half_x, 1e-9))
-    grid = np.stack(
-        np.meshgrid(
-            np.linspace(x - half_x, x + half_x, columns),
-            np.linspace(y - half_y, y + half_y, rows),
-        ),
-        axis=-1,
-    )
-    heights_mm = 1e3 * _over_best_plane(shape.points(grid.reshape(-1, 2))).reshape(rows, columns)
+    heights_mm = 1e3 * board_heights_m(shape)
     limit = max(float(np.abs(heights_mm).max()), 0.05)
     extent = [1e3 * side for side in (x - half_x, x + half_x, y - half_y, y + half_y)]
     image = axes.imshow(
@@ -170,11 +129,3 @@ def _draw_board(figure: Any, axes: Any, name: str, shape: BoardShape, points: Ar
     _colour_bar(figure, axes, image, 'height over the best plane, mm (red: to the viewer)')
     title = 'shape of the board' + (f' {name}' if name else '')
     axes.set_title(f'{title}, points as dots:\n{shape_text(shape)}')
-
-
-def _over_best_plane(points: Array) -> Array:
-    """Return the heights (N,) of points (N, 3) over the plane that fits them best."""
-    plane = np.column_stack([points[:, :2], np.ones(len(points))])
-    heights = points[:, 2]
-    flat: Array = heights - plane @ np.linalg.lstsq(plane, heights, rcond=None)[0]
-    return flat

@@ -22,6 +22,7 @@ TABLES = f'p4pfr: tables need rich: {install_command(EXTRAS["rich"])}\n'
 PLOTS = (
     f'p4pfr: plots and printed boards need matplotlib: {install_command(EXTRAS["matplotlib"])}\n'
 )
+PAGES = f'p4pfr: web pages need aiohttp: {install_command(EXTRAS["aiohttp"])}\n'
 
 
 @pytest.fixture
@@ -84,6 +85,19 @@ def test_a_batch_needs_distributed(tmp_path):
 def test_the_demo_needs_rich():
     run = run_without(['rich'], 'demo')
     assert (run.returncode, run.stdout, run.stderr) == (1, '', TABLES)
+
+
+def test_web_pages_need_aiohttp():
+    run = run_without(['aiohttp'], 'live', '0', '--board', CHESSBOARD)
+    assert (run.returncode, run.stdout, run.stderr) == (1, '', PAGES)
+
+
+def test_the_html_report_needs_no_extra(image, tmp_path):
+    arguments = ['calibrate', '--board', CHESSBOARD, image, '-o', tmp_path / 'camera.yaml']
+    arguments += ['--report', tmp_path / 'report.html', '--json', '--force']
+    run = run_without(['rich', 'matplotlib', 'aiohttp'], *arguments)
+    assert run.returncode == 0, run.stderr
+    assert '<title>Calibration of camera</title>' in (tmp_path / 'report.html').read_text()
 
 
 def test_help_needs_no_extra():

@@ -13,7 +13,15 @@ from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.minimal.solution import Solution
 from p4pfr_ros.detection import detect
 from p4pfr_ros.rendering import render
-from p4pfr_ros.report.drawing import annotate, straighten, straightened_camera
+from p4pfr_ros.report.drawing import (
+    annotate,
+    board_lines,
+    captioned,
+    remap,
+    straighten,
+    straightened_camera,
+    straightening_map,
+)
 import pytest
 
 BOARD, CAMERA, POSE = BOARDS['charuco'], CAMERAS['strong'], seen_from(0.4, (0.3, 0.2), 0.2)
@@ -121,3 +129,37 @@ def test_the_field_of_view_is_limited():
     assert (straight == 77).all()
     with pytest.raises(ValueError, match='max_fov_deg must be within 1 to 170'):
         straightened_camera(camera, SIZE, max_fov_deg=180.0)
+
+
+@every_camera
+def test_an_interpolated_map_straightens_like_an_exact_one(camera):
+    image = render(BOARD, camera, seen_from(0.5), SIZE)
+    exact = straighten(image, camera)
+    fast = remap(image, straightening_map(camera, SIZE, step_px=8))
+    assert fast.shape == exact.shape
+    differs = np.abs(fast.astype(int) - exact) > 12
+    # At the border of what the lens sees both end within a step of each other.
+    assert differs.mean() < 0.01
+    assert not differs[100:380, 140:500].any()
+
+
+def test_the_lines_of_a_board_pass_through_its_corners():
+    lines = board_lines(BOARD, POSE, CAMERA)
+    [outline] = lines['outline']
+    x, y = 0.5 * np.array(BOARD.sheet_size_m)
+    corners = project(CAMERA, POSE, np.array([(-x, y), (x, y), (x, -y), (-x, -y)]))
+    np.testing.assert_allclose(outline[[0, 48, 96, 144, 192]], corners[[0, 1, 2, 3, 0]])
+    origin = CAMERA.project(POSE.translation)
+    for axis in 'xyz':
+        np.testing.assert_allclose(lines[axis][0][0], origin)
+
+
+def test_a_caption_is_below_the_image():
+    image = cv2.cvtColor(IMAGE, cv2.COLOR_GRAY2BGR)
+    drawn = captioned(image, 'one line', 'and another')
+    np.testing.assert_array_equal(drawn[:480], image)
+    bar = drawn[480:]
+    assert 30 < len(bar) < 60
+    half = len(bar) // 2
+    assert np.ptp(bar[:half]) > 100
+    assert np.ptp(bar[half:]) > 100

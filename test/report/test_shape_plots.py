@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 import numpy as np
 from p4pfr_ros import BoardShape, CameraEstimate, DivisionCamera, Keyframe, Pose
 from p4pfr_ros.core.many_views.progress import projection_sigmas_px
-from p4pfr_ros.report.shape_plots import draw_uncertainty_and_boards, uncertainty_px
+from p4pfr_ros.report.maps import uncertainty_px
+from p4pfr_ros.report.shape_plots import draw_uncertainty_and_boards
 import pytest
 
 SIZE = (640, 480)

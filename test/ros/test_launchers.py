@@ -21,6 +21,7 @@ NODES = [
     ('lifecycle_pose_node', 'pose_node', signal.SIGTERM),
     ('detector_node', 'detector_node', signal.SIGTERM),
     ('camera_simulator', 'camera_simulator', signal.SIGINT),
+    ('dashboard_node', 'dashboard_node', signal.SIGTERM),
 ]
 
 # The first node on a machine compiles the kernels.
@@ -42,6 +43,8 @@ def test_a_node_responds_and_exits_cleanly(name, config, number, observer):
     arguments = ['--ros-args', '--params-file', share / f'config/{config}.yaml']
     if config != 'pose_node':
         arguments += ['-p', f'board_file:={share}/config/boards/chessboard_9x6_25mm.yaml']
+    if name == 'dashboard_node':
+        arguments += ['-p', 'port:=0']
     executable = Path(get_package_prefix('p4pfr_ros'), 'lib', 'p4pfr_ros', name)
     process = subprocess.Popen([executable, *arguments])
     try:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 
 from p4pfr_ros import Status
+from p4pfr_ros.ros.parameters.dashboard_options import DashboardNodeOptions
 from p4pfr_ros.ros.parameters.declare import flattened
 from p4pfr_ros.ros.parameters.image_node_options import CameraSimulatorOptions, DetectorNodeOptions
 from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
@@ -23,6 +24,7 @@ NODES = {
     'pose_node': PoseNodeOptions(),
     'detector_node': DetectorNodeOptions(),
     'camera_simulator': CameraSimulatorOptions(),
+    'dashboard_node': DashboardNodeOptions(),
 }
 ROS_SOURCES = {p for p in (ROOT / 'p4pfr_ros' / 'ros').rglob('*.py') if p.parent.name != 'demo'}
 DETECTOR = {
@@ -30,6 +32,10 @@ DETECTOR = {
     ROOT / 'p4pfr_ros' / 'files' / 'pixel_formats.py',
 }
 SIMULATOR = {ROOT / 'p4pfr_ros' / 'ros' / 'camera_simulator.py'}
+DASHBOARD = {
+    ROOT / 'p4pfr_ros' / 'ros' / 'dashboard_node.py',
+    ROOT / 'p4pfr_ros' / 'files' / 'pixel_formats.py',
+}
 # The status of an estimate without a model.
 NO_MODEL = {
     Status.COLLINEAR,
@@ -39,9 +45,10 @@ NO_MODEL = {
     Status.SEEN_FROM_BEHIND,
 }
 SOURCES = {
-    'pose_node': ROS_SOURCES - DETECTOR - SIMULATOR,
+    'pose_node': ROS_SOURCES - DETECTOR - SIMULATOR - DASHBOARD,
     'detector_node': DETECTOR,
     'camera_simulator': SIMULATOR,
+    'dashboard_node': DASHBOARD,
 }
 every_node = pytest.mark.parametrize('node', NODES)
 

@@ -22,6 +22,7 @@ NODES = {
     'lifecycle_pose_node': 'pose_node',
     'detector_node': 'detector_node',
     'camera_simulator': 'camera_simulator',
+    'dashboard_node': 'dashboard_node',
 }
 
 
@@ -33,12 +34,18 @@ def board_file(tmp_path):
     return path
 
 
+def required(name, board_file):
+    """Return the parameters that a node cannot start without, and a port that is free."""
+    parameters = {} if NODES[name] == 'pose_node' else {'board_file': board_file}
+    return parameters | ({'port': 0} if name == 'dashboard_node' else {})
+
+
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
 @pytest.mark.parametrize('name', NODES)
 def test_a_node_reads_its_config_file_and_exits_cleanly(peer, board_file, name, number):
     """config/<node>.yaml has no unknown parameter; on a signal status 0 and no traceback."""
     config = Path(__file__).parents[2] / f'config/{NODES[name]}.yaml'
-    parameters = {} if NODES[name] == 'pose_node' else {'board_file': board_file}
+    parameters = required(name, board_file)
     node = peer.start(name, params_file=config, parameters=parameters)
     assert node.stop(number) == 0
     assert 'unknown parameter' not in node.output

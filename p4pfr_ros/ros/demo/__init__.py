@@ -29,7 +29,7 @@ from p4pfr_ros.files.writing import check_writable
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.kernels.processes import are_compiled, compile_with_progress
 from p4pfr_ros.rendering import render
-from p4pfr_ros.report.drawing import annotate, straighten
+from p4pfr_ros.report.drawing import annotate, captioned, straighten
 from p4pfr_ros.scenes.board_path import SimulatedPath
 import rclpy
 from rclpy.signals import SignalHandlerOptions
@@ -215,6 +215,8 @@ def write_demo_image(path: Path, view: DemoView, board: Board) -> None:
     """
     Draw corners, reprojected board and axes on the image; the undistorted image beside it.
 
+    Captions say what both show, and the numbers.
+
     Raises
     ------
     ConfigError
@@ -223,6 +225,17 @@ def write_demo_image(path: Path, view: DemoView, board: Board) -> None:
     """
     points = view.points
     detection = Detection(points.image_points, points.board_points, points.ids)
-    annotated = annotate(view.image, detection, view.estimate, board)
-    undistorted = straighten(view.image, view.estimate.camera)
-    write_image(path, np.hstack([annotated, cv2.cvtColor(undistorted, cv2.COLOR_GRAY2BGR)]))
+    camera, pose = view.estimate.camera, view.estimate.camera_from_board
+    annotated = captioned(
+        annotate(view.image, detection, view.estimate, board),
+        'an uncalibrated camera: corners, estimated board and axes',
+        f'distance {pose.distance:.3f} m, tilt {pose.tilt_deg:.1f} degrees; '
+        f'error {view.rms_px:.2f} px rms',
+    )
+    undistorted = captioned(
+        cv2.cvtColor(straighten(view.image, camera), cv2.COLOR_GRAY2BGR),
+        'undistorted by the lens estimated from the same image',
+        f'focal length {camera.focal_px:.1f} px, k {camera.k:.4f} '
+        f'(simulated: {CAMERA.focal_px:.1f} px, {CAMERA.k:.4f})',
+    )
+    write_image(path, np.hstack([annotated, undistorted]))

@@ -239,8 +239,19 @@ class PoseNodeOptions:
     robust: EstimateOptions = NODE_ESTIMATE
 
     def __post_init__(self) -> None:
-        # It is part of a file name, and camera_info_manager accepts no other characters.
-        if re.fullmatch(r'\w+', self.camera_name, re.ASCII) is None:
-            raise ConfigError(
-                f'camera_name: expected letters, digits and _, got {self.camera_name!r}'
-            )
+        check_camera_name(self.camera_name)
+
+
+def check_camera_name(name: str) -> None:
+    """
+    Check the parameter camera_name.
+
+    Raises
+    ------
+    ConfigError
+        It cannot be the name of a camera.
+
+    """
+    # It is part of a file name, and camera_info_manager accepts no other characters.
+    if re.fullmatch(r'\w+', name, re.ASCII) is None:
+        raise ConfigError(f'camera_name: expected letters, digits and _, got {name!r}')

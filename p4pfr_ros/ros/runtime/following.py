@@ -94,6 +94,11 @@ class FollowingSubscription:
         return self._subscription.qos_profile
 
     @property
+    def topic(self) -> str:
+        """The full name of the topic, after remapping."""
+        return str(self._subscription.topic_name)
+
+    @property
     def publisher_count(self) -> int:
         """The number of publishers on the topic, whether they match or not."""
         return int(self._node.count_publishers(self._subscription.topic_name))

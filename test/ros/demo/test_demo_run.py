@@ -81,8 +81,9 @@ def test_the_demo_stays_within_its_limits_and_writes_an_image(tmp_path):
     assert 'wrote demo.png (replaces the previous one): ' in run.output
     assert not any(_is_alive(pid) for pid in children)
     image = cv2.imread(str(tmp_path / 'demo.png'))
-    assert image.shape == (480, 1280, 3)
-    annotated, undistorted = np.hsplit(image, 2)
+    assert image.shape == (480 + 51, 1280, 3)
+    assert (np.ptp(image[480:], axis=(0, 2)) > 100).sum() > 400  # captions
+    annotated, undistorted = np.hsplit(image[:480], 2)
     assert np.ptp(annotated, axis=2).max() > 100  # colours on the grey image
     assert np.ptp(undistorted, axis=2).max() == 0
 
@@ -201,7 +202,8 @@ def test_a_path_that_cannot_be_written_fails_before_the_start(tmp_path):
     (tmp_path / 'demo.png').mkdir()
     run = _Demo(tmp_path, 60.0)
     assert run.wait() == 1
-    assert run.output == ('demo failed: demo.png: expected the path of a regular file, got a directory\n')
+    reason = 'expected the path of a regular file, got a directory'
+    assert run.output == f'demo failed: demo.png: {reason}\n'
 
 
 @pytest.mark.skipif(bool(why_not()), reason='needs network namespaces')

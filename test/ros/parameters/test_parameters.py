@@ -8,6 +8,7 @@ from pathlib import Path
 
 from p4pfr_ros import CalibrationOptions, EstimateOptions
 from p4pfr_ros.files.yaml_fields import ConfigError
+from p4pfr_ros.ros.parameters.dashboard_options import DashboardNodeOptions
 from p4pfr_ros.ros.parameters.declare import flattened, parameter, Parameters, replaced
 from p4pfr_ros.ros.parameters.image_node_options import CameraSimulatorOptions, DetectorNodeOptions
 from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
@@ -21,6 +22,7 @@ NODES = {
     'pose_node': PoseNodeOptions(),
     'detector_node': DetectorNodeOptions(),
     'camera_simulator': CameraSimulatorOptions(),
+    'dashboard_node': DashboardNodeOptions(),
 }
 # The defaults of robust.* that differ from the core's.
 NODE_DEFAULTS = {'min_inlier_ratio': 0.5, 'max_iterations': 5000}
