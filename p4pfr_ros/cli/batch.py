@@ -23,7 +23,7 @@ from p4pfr_ros.cli.arguments import (
     count,
     load_board_with_notes,
 )
-from p4pfr_ros.cli.terminal import print_table, with_progress
+from p4pfr_ros.cli.terminal import prepare_kernels, print_table, with_progress
 from p4pfr_ros.cli.workers import available_cores, without_interrupts
 from p4pfr_ros.files.dependencies import require
 from p4pfr_ros.files.writing import write_atomically, write_bytes_atomically
@@ -130,6 +130,7 @@ def run(arguments: argparse.Namespace) -> int:
     if summaries:
         print(f'{len(summaries)} of {len(recordings)} recordings are done: skipped')
     if left:
+        prepare_kernels()
         with _client(arguments.scheduler, min(arguments.jobs, len(left))) as client:
             processed = _processed(client, left)
             for name, summary in with_progress(processed, len(left), prints=False):

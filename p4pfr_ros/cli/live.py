@@ -14,6 +14,7 @@ from typing import Any
 
 from p4pfr_ros import EstimateOptions
 from p4pfr_ros.cli.arguments import add_estimate_option, positive
+from p4pfr_ros.cli.terminal import prepare_kernels
 from p4pfr_ros.files.boards import load_boards
 from p4pfr_ros.files.dependencies import how_to_get_ros, require
 from p4pfr_ros.files.image_sources import is_bag
@@ -95,6 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.name,
         robust=EstimateOptions(threshold_px=arguments.threshold),
     )
+    prepare_kernels()
     server = LiveServer(session, arguments.host, arguments.port, arguments.token)
     server.start()
     print(f'open {server.url} (Ctrl-C ends)', flush=True)

@@ -11,10 +11,11 @@ import time
 from typing import Any
 
 import cv2
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from p4pfr_ros import CameraEstimate
 from p4pfr_ros.files.images import Decoding
 from p4pfr_ros.files.yaml_fields import ConfigError
+from p4pfr_ros.kernels.warm_up import warm_up, warm_up_detection
 from p4pfr_ros.live.session import LiveSession, SourceState
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -37,9 +38,9 @@ from .pose.calibration_keeper import calibration_path, CameraInfoSetter
 from .runtime.endpoints import advertise, Endpoints
 from .runtime.following import FollowingSubscription
 from .runtime.image_health import ImageHealth
+from .runtime.kernel_start import KernelStart
 from .runtime.rejections import CauseLog, Rejected
 from .runtime.spin import run
-from .runtime.warm_up import warm_up, warm_up_detection
 
 # Period of /diagnostics, and of checks whether the camera was saved.
 _PERIOD_S = 1.0
@@ -78,15 +79,14 @@ class DashboardNode(Node):  # type: ignore[misc]
         self._diagnostics = advertise(self, DiagnosticArray, '/diagnostics')
         self._health = ImageHealth(time.monotonic())
         self._server = self._make_server()
-        warm_up()
-        warm_up_detection()  # no image waits for the compiler
+        self._kernels = KernelStart(self, _warm_up)  # no image waits for the compiler
         self._images = self._subscribed(options.image)
         self._session.set_source(SourceState.WAITING, self._images.topic)
         self._endpoints.serve(Trigger, '~/save_calibration', self._on_save)
         self._endpoints.serve(Trigger, '~/reset_calibration', self._on_reset)
         self._endpoints.every(_PERIOD_S, self._report)
         self._server.start()
-        self.get_logger().info(f'ready: open {self._server.url}')
+        self._kernels.when_ready(lambda: self.get_logger().info(f'ready: open {self._server.url}'))
 
     def _make_server(self) -> Any:
         try:
@@ -136,6 +136,9 @@ class DashboardNode(Node):  # type: ignore[misc]
         self._health.received(began_s, stamp_s)
         if self._session.snapshot.source is not SourceState.RUNNING:
             self._session.set_source(SourceState.RUNNING, self._images.topic)
+        pending = self._kernels.pending
+        if pending:  # interpreted, an image would take minutes
+            image = Rejected('compiling', pending)
         name = f'stamp {header.stamp.sec}.{header.stamp.nanosec:09d}'
         if isinstance(image, Rejected):
             self._rejections.add(image)
@@ -155,6 +158,8 @@ class DashboardNode(Node):  # type: ignore[misc]
             publishers=self._images.publisher_count,
             rejections=self._rejections.counts,
         )
+        if self._kernels.pending:
+            status.level, status.message = DiagnosticStatus.WARN, self._kernels.pending
         status.name = f'{self.get_fully_qualified_name()[1:]}: images'
         status.hardware_id = self._header.frame_id
         header = Header(stamp=self.get_clock().now().to_msg())
@@ -174,6 +179,11 @@ class DashboardNode(Node):  # type: ignore[misc]
         self._session.reset()
         response.success, response.message = True, 'the calibration restarts'
         return response
+
+
+def _warm_up() -> None:
+    warm_up()
+    warm_up_detection()
 
 
 def main(args: Sequence[str] | None = None, parameters: Mapping[str, Any] | None = None) -> None:
