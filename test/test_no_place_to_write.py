@@ -34,7 +34,7 @@ main(['--version'])
 def site_packages(tmp_path_factory):
     """Copy the package to a folder that nobody can write to."""
     folder = tmp_path_factory.mktemp('site-packages')
-    ignored = shutil.ignore_patterns('__pycache__')
+    ignored = shutil.ignore_patterns('__pycache__', '_kernels')
     shutil.copytree(Path(p4pfr_ros.__file__).parent, folder / 'p4pfr_ros', ignore=ignored)
     make_read_only(folder)
     yield folder
@@ -111,7 +111,7 @@ def test_a_node_starts_without_log_files(tmp_path, home):
         assert node.wait(30) == 0
     finally:
         node.kill()
-        node.wait()
+        node.communicate()
     reason = 'no home directory' if home is None else f'{home}/.ros/log: Permission denied'
     assert lines[0] == f'no log files: {reason}. Set ROS_LOG_DIR to a writable folder.\n'
     assert not [line for line in lines[1:] if 'log files' in line or 'rror' in line]

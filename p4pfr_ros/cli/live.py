@@ -9,7 +9,7 @@ import argparse
 from pathlib import Path
 import signal
 import sys
-import threading
+import time
 from typing import Any
 
 from p4pfr_ros import EstimateOptions
@@ -32,6 +32,7 @@ others, who need the token in the printed address. The command runs until
 Ctrl-C, after the end of the source as well.
 """
 DEFAULT_PORT = 8484
+_LONGEST_WAIT_S = 0.5
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -98,14 +99,15 @@ def run(arguments: argparse.Namespace) -> int:
     )
     prepare_kernels()
     server = LiveServer(session, arguments.host, arguments.port, arguments.token)
-    server.start()
-    print(f'open {server.url} (Ctrl-C ends)', flush=True)
     try:
+        server.start()
+        print(f'open {server.url} (Ctrl-C ends)', flush=True)
         feed(session, source, arguments.rate, topic)
         snapshot = session.snapshot
         end = snapshot.source_detail or 'end of the images'
         print(f'{snapshot.source_name}: {end}; the page stays', flush=True)
-        threading.Event().wait()
+        while True:  # a signal just before an endless wait would be noticed after it
+            time.sleep(_LONGEST_WAIT_S)
     except KeyboardInterrupt:
         pass
     finally:

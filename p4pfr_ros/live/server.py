@@ -93,7 +93,9 @@ class LiveServer:
         self._started.result(_START_S)
 
     def stop(self) -> None:
-        """Close all connections, and end the thread."""
+        """Close all connections, and end the thread, if it has started."""
+        if not self._started.done():
+            return
         self._loop.call_soon_threadsafe(self._ends.set)
         self._thread.join(_START_S)
 

@@ -5,11 +5,13 @@
 
 import os
 from pathlib import Path
+import shutil
 import stat
 import subprocess
 import sys
 import tempfile
 
+import p4pfr_ros
 from p4pfr_ros.core import kernel_cache
 from p4pfr_ros.core.jit import COMPILED
 import pytest
@@ -85,11 +87,21 @@ print(system[0, 1], sum(solve_in_place.stats.cache_hits.values()))
 """
 
 
-def solved(folder, max_bytes=10**9):
+@pytest.fixture(scope='module')
+def package(tmp_path_factory):
+    """Copy the package to a folder, without the kernels of an installation."""
+    folder = tmp_path_factory.mktemp('site-packages')
+    ignored = shutil.ignore_patterns('__pycache__', '_kernels')
+    shutil.copytree(Path(p4pfr_ros.__file__).parent, folder / 'p4pfr_ros', ignore=ignored)
+    return folder
+
+
+def solved(package, folder, max_bytes=10**9):
     """Return the result of a kernel, whether it was stored before, and the errors."""
     done = subprocess.run(
         [sys.executable, '-c', SCRIPT, str(max_bytes)],
-        env=os.environ | {'NUMBA_CACHE_DIR': str(folder)},
+        env=os.environ | {'NUMBA_CACHE_DIR': str(folder), 'PYTHONPATH': str(package)},
+        cwd=package,
         capture_output=True,
         text=True,
     )
@@ -97,16 +109,16 @@ def solved(folder, max_bytes=10**9):
 
 
 @pytest.mark.skipif(not COMPILED, reason='interpreted kernels are not stored')
-def test_a_damaged_or_full_disk_costs_a_compilation(tmp_path):
+def test_a_damaged_or_full_disk_costs_a_compilation(package, tmp_path):
     """An index cut by a power failure; then no byte can be written."""
-    assert solved(tmp_path)[0] == ['1.5', '0']
-    assert solved(tmp_path) == (['1.5', '1'], '')
+    assert solved(package, tmp_path)[0] == ['1.5', '0']
+    assert solved(package, tmp_path) == (['1.5', '1'], '')
     [index] = tmp_path.rglob('*.nbi')
     index.write_bytes(b'')
-    assert solved(tmp_path)[0] == ['1.5', '0']
-    assert solved(tmp_path) == (['1.5', '1'], '')
+    assert solved(package, tmp_path)[0] == ['1.5', '0']
+    assert solved(package, tmp_path) == (['1.5', '1'], '')
     index.unlink()
-    result, errors = solved(tmp_path, max_bytes=0)
+    result, errors = solved(package, tmp_path, max_bytes=0)
     assert result == ['1.5', '0']
     problem = f'cannot store compiled kernels in {tmp_path / "p4pfr_ros"} (File too large)'
     assert errors.splitlines()[-1] == f'p4pfr_ros: {problem}. {ADVICE}'.strip()

@@ -30,7 +30,7 @@ def test_too_few_points_for_a_pose_are_rejected_with_a_reason():
     assert len(detect(image, board).ids) == 4
     image[round(corners[2, 0, 1]) + 5 :] = 220
     detection = detect(image, board)
-    assert detection.reason == 'only 3 points of the board found, at least 4 needed'
+    assert detection.reason == 'only 2 points of the board found, at least 4 needed'
     assert len(detection.image_points) == len(detection.board_points) == len(detection.ids) == 0
 
 

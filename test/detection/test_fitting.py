@@ -3,13 +3,8 @@
 
 """Parts of the least-squares kernels."""
 
-from pathlib import Path
-
 import numpy as np
-import p4pfr_ros
-from p4pfr_ros.core.jit import COMPILED, sources_digest
 from p4pfr_ros.detection import fitting
-import pytest
 
 
 def test_tanh_is_accurate_everywhere():
@@ -31,11 +26,3 @@ def test_a_step_without_damping_solves_the_normal_equations():
     expected = np.linalg.lstsq(root[:, None] * jacobian, root * residuals, rcond=None)[0]
     np.testing.assert_allclose(room.parameters[1], expected, rtol=1e-5)
     np.testing.assert_allclose(cost, weights @ residuals**2)
-
-
-@pytest.mark.skipif(not COMPILED, reason='nothing is compiled')
-def test_a_kernel_outside_core_is_cached_by_the_sources_of_core_and_its_room():
-    package = Path(p4pfr_ros.__file__).parent
-    folder = Path(fitting.tanh.stats.cache_path).parent.name
-    expected = [sources_digest(package / room) for room in ('core', 'detection')]
-    assert folder == '-'.join(expected)

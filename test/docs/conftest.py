@@ -3,12 +3,15 @@
 
 """A folder with the files that the pages and examples use, rendered."""
 
+import dataclasses
 import importlib
 from pathlib import Path
 import shutil
 
 from blocks import ROOT
+import cv2
 from p4pfr_ros import cli, DivisionCamera
+from p4pfr_ros.files.calibration import load_calibration, save_calibration
 from p4pfr_ros.files.images import read_image, write_image
 import pytest
 
@@ -27,7 +30,8 @@ def prepared(draw_tour, tmp_path_factory):
     Make the files once.
 
     webcam/ is that of the tour; left01.jpg to left08.jpg are seen by the camera of the README;
-    images/ has the same; recording is a bag of them.
+    images/ has the same; recording is a bag of them, and walk.mp4 a video; other.yaml is another
+    camera.
     """
     folder = tmp_path_factory.mktemp('pages')
     boards = ROOT / 'config' / 'boards'
@@ -42,8 +46,11 @@ def prepared(draw_tour, tmp_path_factory):
     for i, path in enumerate(sorted((folder / 'images').iterdir())[:8]):
         write_image(folder / f'left{i + 1:02}.jpg', read_image(path))
     _write_bag(folder)
+    _write_video(folder)
     images, board = str(folder / 'images'), str(folder / 'board.yaml')
     assert not cli.main(['calibrate', images, '--board', board, '-o', str(folder / 'camera.yaml')])
+    calibration = load_calibration(folder / 'camera.yaml')
+    save_calibration(folder / 'other.yaml', dataclasses.replace(calibration, estimate=None))
     return folder
 
 
@@ -64,3 +71,13 @@ def _write_bag(folder: Path) -> None:
     images = [read_image(path) for path in sorted((folder / 'images').iterdir())]
     messages = [recorded.image_message(image, i) for i, image in enumerate(images)]
     recorded.write_bag(folder / 'recording', 'mcap', {'/image': messages})
+
+
+def _write_video(folder: Path) -> None:
+    images = [cv2.imread(str(path)) for path in sorted((folder / 'images').iterdir())]
+    size = images[0].shape[1::-1]
+    video = cv2.VideoWriter(str(folder / 'walk.mp4'), cv2.VideoWriter.fourcc(*'mp4v'), 10.0, size)
+    for image in images:
+        for _ in range(5):
+            video.write(image)
+    video.release()

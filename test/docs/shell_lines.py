@@ -23,7 +23,7 @@ from p4pfr_ros import cli
 from ros_lines import check_ros2, check_ros_arguments, nodes
 
 # Commands that run until they are stopped, or start other processes: their arguments are checked.
-NOT_STARTED = {'demo', 'live'}
+NOT_STARTED = {'batch', 'demo', 'live'}
 
 
 def run_lines(text):

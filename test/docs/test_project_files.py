@@ -49,6 +49,9 @@ def test_ci_needs_photographs_or_their_refusal(data, status, said, tmp_path):
     folder.mkdir()
     (folder / 'left01.jpg').touch()
     (tmp_path / '.ci').mkdir()
+    browser = tmp_path / '.ci' / 'browser'
+    browser.write_text('#!/bin/sh\n')
+    browser.chmod(0o755)
     script = tmp_path / '.ci' / 'run'
     text = (ROOT / '.ci' / 'run').read_text()
     script.write_text(

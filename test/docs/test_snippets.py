@@ -118,4 +118,5 @@ def _run_console(text):
 
 
 def _shape(line):
+    line = re.sub('[.#]{16}', 'CELLS', line)  # a row of a map of coverage
     return re.sub(r'-?\d+(\.\d+)?(e-?\d+)?', '#', ' '.join(line.replace('─', '').split()))
