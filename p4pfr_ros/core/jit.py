@@ -59,6 +59,15 @@ def reducing_kernel(function: Function) -> Function:
     return _compiled(function, **_OPTIONS, _nrt=False, fastmath={'reassoc', 'contract', 'nsz'})
 
 
+def inlined(function: Function) -> Function:
+    """
+    Compile as ``kernel`` does a function of numbers, and always inline it in compiled code.
+
+    LLVM vectorises a loop over the lanes of a block only if it calls nothing.
+    """
+    return _compiled(function, **_OPTIONS, _nrt=False, forceinline=True)
+
+
 def part_of_kernel(function: Function) -> Function:
     """
     Mark a function that one kernel calls, in one place: it is compiled there alone.

@@ -20,8 +20,9 @@ from typing import NamedTuple
 
 from ..geometry import Array, TRANSLATION
 from ..jit import kernel
+from ..minimal.four import Points
 from ..minimal.solution import G, H, ROW_SIZE
-from ..minimal.solver import solve_minimal, UNFOLDED, Workspace
+from ..minimal.one import solve_minimal, UNFOLDED, Workspace
 from ..model.normal_equations import add_point, fill_pose_columns
 
 _SMALLEST_W = 1e-100
@@ -37,16 +38,23 @@ class Gates(NamedTuple):
 
 
 @kernel
-def hypotheses(gates: Gates, rows: Array, work: Workspace) -> int:
+def hypotheses(
+    image: Points, board: Points, gates: Gates, rows: Array, work: Workspace
+) -> int:
     """Solve the sample; write the plausible solutions to rows; return their number."""
-    count = 0
-    solved = solve_minimal(work.sample_image, work.sample_board, UNFOLDED, rows, work)
-    for s in range(solved):
+    return keep_plausible(gates, rows, solve_minimal(image, board, UNFOLDED, rows, work))
+
+
+@kernel
+def keep_plausible(gates: Gates, rows: Array, count: int) -> int:
+    """Keep the first rows that are plausible, in their order; return their number."""
+    kept = 0
+    for s in range(count):
         if plausible(rows[s], gates):
             for j in range(ROW_SIZE):
-                rows[count, j] = rows[s, j]
-            count += 1
-    return count
+                rows[kept, j] = rows[s, j]
+            kept += 1
+    return kept
 
 
 @kernel

@@ -21,8 +21,9 @@ from ..cameras.division import DivisionCamera
 from ..geometry import Array, Ints, TRANSLATION
 from ..jit import jit, kernel
 from ..linalg import invert_information, rotate, solve_in_place
+from ..minimal.four import chosen_points
 from ..minimal.solution import G, H, ROW_SIZE
-from ..minimal.solver import Workspace
+from ..minimal.one import Workspace
 from ..model.lens import lens_from_camera
 from ..model.normal_equations import COLUMNS
 from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, pose_to_public
@@ -79,13 +80,11 @@ _NO_ACROSS = np.empty((0, 2, 3))
 @jit
 def hypotheses(problem: Problem, chosen: Ints, rows: Array, work: Workspace) -> int:
     """Solve for the four chosen points; write the plausible solutions; return their number."""
-    for i in range(4):
-        for j in range(2):
-            work.sample_image[i, j] = problem.image[chosen[i], j]
-            work.sample_board[i, j] = problem.board[chosen[i], j]
+    board = chosen_points(problem.board, chosen)
     if problem.unknowns == POSE:
-        return known_camera.hypothesis(problem.rays, chosen, rows[0], work)
-    return free_camera.hypotheses(problem.gates, rows, work)
+        return known_camera.hypothesis(problem.rays, board, chosen, rows[0])
+    image = chosen_points(problem.image, chosen)
+    return free_camera.hypotheses(image, board, problem.gates, rows, work)
 
 
 @jit

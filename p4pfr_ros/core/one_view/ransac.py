@@ -42,7 +42,7 @@ from ..geometry import Array, Ints
 from ..jit import jit
 from ..minimal.roots import MAX_ROOTS
 from ..minimal.solution import ROW_SIZE
-from ..minimal.solver import Workspace, workspace
+from ..minimal.one import Workspace, workspace
 
 # A new best hypothesis is refined in few steps, at first with a wide gate: a model of four noisy
 # points is far from many of its inliers.
