@@ -117,7 +117,7 @@ def block_work() -> Block:
         np.ones(_ROWS * LANES),
         np.zeros(LANES, dtype=np.int64),
         np.zeros(BLOCK, dtype=np.int64),
-        np.ones((_POOL, _POOL_ROWS * LANES)),
+        np.empty((_POOL, _POOL_ROWS * LANES)),
         np.zeros(_QUEUE, dtype=np.int64),
         np.zeros(_QUEUE, dtype=np.int64),
         np.zeros((2, _QUEUE)),
@@ -161,6 +161,12 @@ def put_sample(image: Points, board: Points, at: int, block: Block) -> None:
     """Write a sample to the block."""
     _put_points(image, block.groups[at // LANES], IMAGE_POINTS, at % LANES)
     _put_points(board, block.groups[at // LANES], BOARD_POINTS, at % LANES)
+
+
+@kernel
+def padded(n: int) -> int:
+    """Return how many samples fill the lanes of n; the last problem may fill those that are left."""
+    return (n + LANES - 1) // LANES * LANES
 
 
 @kernel

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .four import points_of
-from .lanes import Block, BLOCK, block_work, LANES, put_sample, solve_block
+from .lanes import Block, BLOCK, block_work, padded, put_sample, solve_block
 from .one import solve_minimal, UNFOLDED, workspace
 from .solution import G, H, MAX_SOLUTIONS, ROW_SIZE, Solution, solution_from_row
 from ..geometry import (
@@ -157,7 +157,7 @@ def _solve_each(image: Array, board: Array, rows: Array, count: Ints, block: Blo
         stop = min(start + BLOCK, n)
         size = stop - start
         # The last problem fills lanes that are left.
-        for at in range((size + LANES - 1) // LANES * LANES):
+        for at in range(padded(size)):
             i = start + min(at, size - 1)
             put_sample(points_of(image[i]), points_of(board[i]), at, block)
         solve_block(size, UNFOLDED, rows[start:stop], count[start:stop], block)

@@ -34,7 +34,7 @@ from ..cameras.camera_info import CameraInfoModel, checked_image_size
 from ..cameras.closest_division import division_camera_from_model
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, as_points
-from ..minimal.roots import MAX_ROOTS
+from ..minimal.solution import MAX_SOLUTIONS as MAX_ROOTS
 from ..minimal.solution import G, H, ROW_SIZE
 from ..model.board_shape import BoardShape
 from ..model.observation import (

@@ -91,7 +91,7 @@ def hypothesis(rays: Array, board_points: Points, chosen: Ints, row: Array) -> i
         return 0
     quarter = 0.25 * inverse_scale
     centroid = (quarter * sum_of(x), quarter * sum_of(y), quarter * sum_of(z))
-    store_row(unscale((*rotation, *centroid, 1.0, 0.0), 1.0, board), row)
+    store_row(unscale((*rotation, *centroid, 1.0, 0.0), 1.0, board.frame), row)
     return 1
 
 
@@ -125,19 +125,6 @@ def squared_error(row: Array, board: Array, rays: Array, across: Array, i: int) 
     ey = (across[i, 1, 0] * x + across[i, 1, 1] * y + across[i, 1, 2] * z) / along
     error: float = ex * ex + ey * ey
     return error
-
-
-@kernel
-def truncated_sum(
-    row: Array, board: Array, rays: Array, across: Array, limit: float, enough: float
-) -> float:
-    """Sum the squared errors, each truncated at limit; stop if the sum exceeds enough."""
-    total = 0.0
-    for i in range(len(board)):
-        total += min(squared_error(row, board, rays, across, i), limit)
-        if total > enough:
-            break
-    return total
 
 
 @kernel
