@@ -36,6 +36,12 @@ def points_of(array: Array) -> Points:
 
 
 @inlined
+def four_of(array: Array) -> Four:
+    """Read an array (4,)."""
+    return array[0], array[1], array[2], array[3]
+
+
+@inlined
 def chosen_points(points: Array, chosen: Ints) -> Points:
     """Read four of the points (N, 2)."""
     a, b, c, d = chosen[0], chosen[1], chosen[2], chosen[3]

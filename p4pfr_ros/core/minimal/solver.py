@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from .four import points_of
 from .lanes import Block, BLOCK, block_work, padded, put_sample, solve_block
 from .one import solve_minimal, UNFOLDED, workspace
-from .solution import G, H, MAX_SOLUTIONS, ROW_SIZE, Solution, solution_from_row
+from .solution import G, H, MAX_SOLUTIONS, ROW_SIZE, Solution, solutions_from_rows
 from ..geometry import (
     Array,
     as_board_points,
@@ -36,6 +36,12 @@ from ..geometry import (
     TRANSLATION,
 )
 from ..jit import jit, kernel
+
+_DOUBLE = np.dtype(np.float64)
+
+# The number of solutions of a problem with a number that is not finite.
+_NOT_FINITE = -1
+
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class SolutionBatch:
@@ -96,11 +102,21 @@ def solve_p4pfr(image_points: ArrayLike, board_points: ArrayLike) -> list[Soluti
     radial distortion from four planar points", arXiv:1805.10705.
 
     """
-    image = as_image_points(image_points, 'image_points', 4)
-    board = as_board_points(board_points, 'board_points', 4)
-    rows = np.empty((MAX_SOLUTIONS, ROW_SIZE))
-    count = _solve_one(image, board, rows)
-    return [solution_from_row(row, (0.0, 0.0)) for row in rows[:count]]
+    problem, rows = np.empty((2, 4, 2)), np.empty((MAX_SOLUTIONS, ROW_SIZE))
+    count = _NOT_FINITE
+    if _is_usual(image_points) and _is_usual(board_points):
+        problem[0], problem[1] = image_points, board_points
+        count = _solve_one(problem, rows)
+    if count == _NOT_FINITE:
+        problem[0] = as_image_points(image_points, 'image_points', 4)
+        problem[1] = as_board_points(board_points, 'board_points', 4)
+        count = _solve_one(problem, rows)
+    return solutions_from_rows(rows[:count], (0.0, 0.0))
+
+
+def _is_usual(points: ArrayLike) -> bool:
+    """Return whether the points need no conversion, only a check that they are finite."""
+    return type(points) is np.ndarray and points.shape == (4, 2) and points.dtype is _DOUBLE
 
 
 def solve_p4pfr_batch(
@@ -140,8 +156,16 @@ def solve_p4pfr_batch(
 
 
 @jit
-def _solve_one(image: Array, board: Array, rows: Array) -> int:
-    return solve_minimal(points_of(image), points_of(board), UNFOLDED, rows, workspace())
+def _solve_one(problem: Array, rows: Array) -> int:
+    """Solve the image points problem[0] and board points problem[1]; check that they are finite."""
+    finite = True
+    for i in range(4):
+        for j in range(2):
+            finite = finite and abs(problem[0, i, j]) < math.inf > abs(problem[1, i, j])
+    if not finite:
+        return _NOT_FINITE
+    image, board = points_of(problem[0]), points_of(problem[1])
+    return solve_minimal(image, board, UNFOLDED, rows, workspace())
 
 
 @jit
