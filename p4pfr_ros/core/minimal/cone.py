@@ -50,12 +50,15 @@ def depth_cone(image: Points, radius: Four, m: Four) -> Cone:
     #     plane[l, k] = ± vᵢ × vⱼ,   {i, j, k, l} = {0, 1, 2, 3},
     # is the vector of that plane whose entry l is zero: Cramer's rule on the other three. A ray
     # of the cone is a row whose entries have one sign.
-    v01 = m[0] * m[1] * _cross(image, radius, 0, 1)
-    v02 = m[0] * m[2] * _cross(image, radius, 0, 2)
-    v03 = m[0] * m[3] * _cross(image, radius, 0, 3)
-    v12 = m[1] * m[2] * _cross(image, radius, 1, 2)
-    v13 = m[1] * m[3] * _cross(image, radius, 1, 3)
-    v23 = m[2] * m[3] * _cross(image, radius, 2, 3)
+    x, y = image
+    p0, p1 = (x[0], y[0], radius[0]), (x[1], y[1], radius[1])
+    p2, p3 = (x[2], y[2], radius[2]), (x[3], y[3], radius[3])
+    v01 = m[0] * m[1] * _cross(p0, p1)
+    v02 = m[0] * m[2] * _cross(p0, p2)
+    v03 = m[0] * m[3] * _cross(p0, p3)
+    v12 = m[1] * m[2] * _cross(p1, p2)
+    v13 = m[1] * m[3] * _cross(p1, p3)
+    v23 = m[2] * m[3] * _cross(p2, p3)
     is_ray0, ray0 = _ray((0.0, v23, -v13, v12))
     is_ray1, ray1 = _ray((-v23, 0.0, v03, -v02))
     is_ray2, ray2 = _ray((v13, -v03, 0.0, v01))
@@ -121,7 +124,11 @@ def board_weights(board: Points) -> tuple[bool, Four]:
 
 
 @inlined
-def _cross(image: Points, radius: Four, i: int, j: int) -> float:
-    """Return the cross product; exactly zero if it is rounding (points on one ray, centre)."""
-    value = image.x[i] * image.y[j] - image.y[i] * image.x[j]
-    return value if abs(value) > _ROUNDING * (radius[i] + radius[j]) else 0.0
+def _cross(a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
+    """
+    Return the cross product of two points (x, y, radius).
+
+    It is exactly zero if it is rounding: for points on one ray, or at the centre.
+    """
+    value = a[0] * b[1] - a[1] * b[0]
+    return value if abs(value) > _ROUNDING * (a[2] + b[2]) else 0.0

@@ -152,24 +152,27 @@ def solve_block(n: int, max_bend: float, rows: Array, count: Ints, block: Block)
     for i in range(alive):
         if block.hard[i]:
             group, lane, sample = block.groups[i // LANES], i % LANES, block.source[i]
-            image, board = _points(group, IMAGE_POINTS, lane), _points(group, BOARD_POINTS, lane)
+            image, board = (
+                _points(group, IMAGE_POINTS * LANES + lane),
+                _points(group, BOARD_POINTS * LANES + lane),
+            )
             count[sample] = solve_minimal(image, board, max_bend, rows[sample], block.one)
 
 
 @kernel
 def put_sample(image: Points, board: Points, at: int, block: Block) -> None:
     """Write a sample to the block."""
-    _put_points(image, block.groups[at // LANES], IMAGE_POINTS, at % LANES)
-    _put_points(board, block.groups[at // LANES], BOARD_POINTS, at % LANES)
+    _put_points(image, block.groups[at // LANES], IMAGE_POINTS * LANES + at % LANES)
+    _put_points(board, block.groups[at // LANES], BOARD_POINTS * LANES + at % LANES)
 
 
-@kernel
+@inlined
 def padded(n: int) -> int:
     """Return how many samples fill the lanes of n; the last problem may fill those that are left."""
     return (n + LANES - 1) // LANES * LANES
 
 
-@kernel
+@inlined
 def _groups_of(n: int) -> int:
     return (n + LANES - 1) // LANES
 
@@ -178,14 +181,14 @@ def _groups_of(n: int) -> int:
 def _open_cones(group: Array) -> None:
     """Scale the images; find the cones. A problem without one gets the scale 0."""
     for lane in range(LANES):
-        scale_px, image, radius = scale_image(_points(group, IMAGE_POINTS, lane))
-        has_weights, weights = board_weights(_points(group, BOARD_POINTS, lane))
+        scale_px, image, radius = scale_image(_points(group, IMAGE_POINTS * LANES + lane))
+        has_weights, weights = board_weights(_points(group, BOARD_POINTS * LANES + lane))
         cone = depth_cone(image, radius, weights)
-        _put_points(image, group, _IMAGE, lane)
-        _put_four(weights, group, _WEIGHTS, lane)
-        _put_four(cone.a, group, _CONE, lane)
-        _put_four(cone.b, group, _CONE + 4, lane)
-        _put(scale_px if has_weights and cone.opens else 0.0, group, _SCALE_PX, lane)
+        _put_points(image, group, _IMAGE * LANES + lane)
+        _put_four(weights, group, _WEIGHTS * LANES + lane)
+        _put_four(cone.a, group, _CONE * LANES + lane)
+        _put_four(cone.b, group, (_CONE + 4) * LANES + lane)
+        group[_SCALE_PX * LANES + lane] = scale_px if has_weights and cone.opens else 0.0
 
 
 @inlined
@@ -194,11 +197,11 @@ def _keep_open(n: int, block: Block) -> int:
     kept = 0
     for i in range(n):
         group, lane = block.groups[i // LANES], i % LANES
-        if _get(group, _SCALE_PX, lane) > 0.0:
+        if group[_SCALE_PX * LANES + lane] > 0.0:
             if kept != i:
                 target = block.groups[kept // LANES]
                 for row in range(_BOARD):
-                    _put(_get(group, row, lane), target, row, kept % LANES)
+                    target[row * LANES + kept % LANES] = group[row * LANES + lane]
             block.source[kept] = i
             kept += 1
     return kept
@@ -208,20 +211,23 @@ def _keep_open(n: int, block: Block) -> int:
 def _form_sextics(max_bend: float, group: Array) -> None:
     """Scale the boards, form the factors, and find where k is small enough."""
     for lane in range(LANES):
-        board = scale_board(_points(group, BOARD_POINTS, lane))
+        board = scale_board(_points(group, BOARD_POINTS * LANES + lane))
         cone = _cone(group, lane)
-        image, weights = _points(group, _IMAGE, lane), _four(group, _WEIGHTS, lane)
+        image, weights = (
+            _points(group, _IMAGE * LANES + lane),
+            _four(group, _WEIGHTS * LANES + lane),
+        )
         f = factors(image, weights, cone, board.duals)
         first, second, in_first, in_second, in_third = bounded_parts(f, max_bend)
-        _put_points(board.points, group, _BOARD, lane)
+        _put_points(board.points, group, _BOARD * LANES + lane)
         for j in range(3):
-            _put(board.frame[j], group, _BOARD + 8 + j, lane)
+            group[(_BOARD + 8 + j) * LANES + lane] = board.frame[j]
         _put_factors(f, group, lane)
-        _put(first, group, _PARTS, lane)
-        _put(second, group, _PARTS + 1, lane)
-        _put(1.0 if in_first else 0.0, group, _PARTS + 2, lane)
-        _put(1.0 if in_second else 0.0, group, _PARTS + 3, lane)
-        _put(1.0 if in_third else 0.0, group, _PARTS + 4, lane)
+        group[_PARTS * LANES + lane] = first
+        group[(_PARTS + 1) * LANES + lane] = second
+        group[(_PARTS + 2) * LANES + lane] = 1.0 if in_first else 0.0
+        group[(_PARTS + 3) * LANES + lane] = 1.0 if in_second else 0.0
+        group[(_PARTS + 4) * LANES + lane] = 1.0 if in_third else 0.0
 
 
 @inlined
@@ -236,10 +242,12 @@ def _isolate_roots(n: int, block: Block) -> None:
         group, active = block.groups[g], min(n - g * LANES, LANES)
         for lane in range(LANES):
             block.problem[lane] = g * LANES + lane
-            _put(0.0, group, _N_ROOTS, lane)
+            group[_N_ROOTS * LANES + lane] = 0.0
         for part in range(3):
             if _count_part(part, group) > 0:
-                _describe_part(part, group)
+                _set_part(part, group)
+                _describe_whole(group)
+                _drop_unwanted(part, group)
                 _file_parts(active, group, _LEFT, block)
     while counts[_N_WHOLE] + counts[_N_SPLITS] > 0:
         if counts[_N_WHOLE] >= LANES or counts[_N_SPLITS] == 0:
@@ -258,24 +266,26 @@ def _count_part(part: int, group: Array) -> int:
     """Return in how many lanes a part is wanted."""
     lanes = 0
     for lane in range(LANES):
-        lanes += 1 if _get(group, _PARTS + 2 + part, lane) > 0.0 else 0
+        lanes += 1 if group[(_PARTS + 2 + part) * LANES + lane] > 0.0 else 0
     return lanes
 
 
-@kernel
-def _describe_part(part: int, group: Array) -> None:
-    """Describe one of the three parts of (0, 1)."""
+@inlined
+def _set_part(part: int, group: Array) -> None:
+    """Make one of the three parts of (0, 1) the interval of each lane."""
     for lane in range(LANES):
-        first, second = _get(group, _PARTS, lane), _get(group, _PARTS + 1, lane)
-        low = 0.0 if part == 0 else first if part == 1 else second
+        first, second = group[_PARTS * LANES + lane], group[(_PARTS + 1) * LANES + lane]
+        group[_INTERVAL * LANES + lane] = 0.0 if part == 0 else first if part == 1 else second
         high = first if part == 0 else second if part == 1 else 1.0
-        flags = _three(group, _PARTS + 2, lane)
-        flag = flags[0] if part == 0 else flags[1] if part == 1 else flags[2]
-        c = coefficients(_factors(group, lane), low, high)
-        _put_part(low, high, largest_of(c), c, False, group, _LEFT, lane)
-        variations = _get(group, _LEFT + _VARIATIONS, lane)
-        _put(variations if flag > 0.0 else 0.0, group, _LEFT + _VARIATIONS, lane)
-        _put(_get(group, _LEFT + _HARD, lane) * flag, group, _LEFT + _HARD, lane)
+        group[(_INTERVAL + 1) * LANES + lane] = high
+
+
+@inlined
+def _drop_unwanted(part: int, group: Array) -> None:
+    for lane in range(LANES):
+        wanted = group[(_PARTS + 2 + part) * LANES + lane]
+        group[(_LEFT + _VARIATIONS) * LANES + lane] *= wanted
+        group[(_LEFT + _HARD) * LANES + lane] *= wanted
 
 
 @inlined
@@ -300,11 +310,11 @@ def _take_whole(block: Block) -> int:
         at = block.counts[_N_WHOLE] + lane
         problem = block.whole_problem[at]
         block.problem[lane] = problem
-        _put(block.whole[0, at], work, _INTERVAL, lane)
-        _put(block.whole[1, at], work, _INTERVAL + 1, lane)
+        work[_INTERVAL * LANES + lane] = block.whole[0, at]
+        work[(_INTERVAL + 1) * LANES + lane] = block.whole[1, at]
         group, place = block.groups[problem // LANES], problem % LANES
         for row in range(_FACTORS, _PARTS):
-            _put(_get(group, row, place), work, row, lane)
+            work[row * LANES + lane] = group[row * LANES + place]
     return n
 
 
@@ -312,9 +322,9 @@ def _take_whole(block: Block) -> int:
 def _describe_whole(work: Array) -> None:
     """Compute the coefficients from the factors."""
     for lane in range(LANES):
-        low, high = _get(work, _INTERVAL, lane), _get(work, _INTERVAL + 1, lane)
+        low, high = work[_INTERVAL * LANES + lane], work[(_INTERVAL + 1) * LANES + lane]
         c = coefficients(_factors(work, lane), low, high)
-        _put_part(low, high, largest_of(c), c, False, work, _LEFT, lane)
+        _put_part(low, high, largest_of(c), c, False, work, _LEFT * LANES + lane)
 
 
 @inlined
@@ -330,7 +340,7 @@ def _take_splits(block: Block) -> int:
         block.hard[problem] |= int(block.n_splits[problem] > _MAX_SPLITS)
         part, place = block.pool[at // LANES], at % LANES
         for row in range(_INTERVAL_ROWS):
-            _put(_get(part, row, place), block.work, _INTERVAL + row, lane)
+            block.work[(_INTERVAL + row) * LANES + lane] = part[row * LANES + place]
     return n
 
 
@@ -338,33 +348,33 @@ def _take_splits(block: Block) -> int:
 def _split(work: Array) -> None:
     """Split by de Casteljau's scheme."""
     for lane in range(LANES):
-        low, high = _get(work, _INTERVAL, lane), _get(work, _INTERVAL + 1, lane)
-        size, share = _get(work, _INTERVAL + 2, lane), _get(work, _INTERVAL + 3, lane)
-        left, right = de_casteljau(_seven(work, _INTERVAL + 4, lane), share)
+        low, high = work[_INTERVAL * LANES + lane], work[(_INTERVAL + 1) * LANES + lane]
+        size, share = work[(_INTERVAL + 2) * LANES + lane], work[(_INTERVAL + 3) * LANES + lane]
+        left, right = de_casteljau(_seven(work, (_INTERVAL + 4) * LANES + lane), share)
         lost = sign_lost(left, size) or sign_lost(right, size)
         middle = low + (high - low) * share
-        _put_part(low, middle, size, left, lost, work, _LEFT, lane)
-        _put_part(middle, high, size, right, lost, work, _RIGHT, lane)
+        _put_part(low, middle, size, left, lost, work, _LEFT * LANES + lane)
+        _put_part(middle, high, size, right, lost, work, _RIGHT * LANES + lane)
 
 
 @inlined
 def _put_part(
-    low: float, high: float, size: float, c: Seven, lost: bool, work: Array, row: int, lane: int
+    low: float, high: float, size: float, c: Seven, lost: bool, work: Array, at: int
 ) -> None:
     signs = signs_of(c)
     hard = signs.zero_at_high and high < 1.0
     hard = hard or (signs.variations > 1.0 and high - low < SHORTEST)
-    _put(low, work, row, lane)
-    _put(high, work, row + 1, lane)
-    _put(size, work, row + 2, lane)
-    _put(share_to_split(signs), work, row + 3, lane)
+    work[at] = low
+    work[at + 1 * LANES] = high
+    work[at + 2 * LANES] = size
+    work[at + 3 * LANES] = share_to_split(signs)
     for i in range(7):
-        _put(c[i], work, row + 4 + i, lane)
-    _put(low + (high - low) * signs.first, work, row + _GUESS, lane)
-    _put(1.0 if signs.rising else 0.0, work, row + _RISING, lane)
-    _put(signs.variations, work, row + _VARIATIONS, lane)
-    _put(1.0 if hard else 0.0, work, row + _HARD, lane)
-    _put(1.0 if lost else 0.0, work, row + _LOST, lane)
+        work[at + (4 + i) * LANES] = c[i]
+    work[at + _GUESS * LANES] = low + (high - low) * signs.first
+    work[at + _RISING * LANES] = 1.0 if signs.rising else 0.0
+    work[at + _VARIATIONS * LANES] = signs.variations
+    work[at + _HARD * LANES] = 1.0 if hard else 0.0
+    work[at + _LOST * LANES] = 1.0 if lost else 0.0
 
 
 @inlined
@@ -376,8 +386,8 @@ def _file_parts(n: int, work: Array, part: int, block: Block) -> None:
     n_splits = block.counts[_N_SPLITS]
     for lane in range(n):
         problem = block.problem[lane]
-        if _get(work, part + _LOST, lane) > 0.0:
-            low, high = _get(work, part, lane), _get(work, part + 1, lane)
+        if work[(part + _LOST) * LANES + lane] > 0.0:
+            low, high = work[part * LANES + lane], work[(part + 1) * LANES + lane]
             _append_whole(problem, low, high, block)
             continue
         # Written to both lists without a condition, which would be unpredictable, and counted in
@@ -385,18 +395,18 @@ def _file_parts(n: int, work: Array, part: int, block: Block) -> None:
         block.splits[n_splits] = at * LANES + lane
         block.split_problem[n_splits] = problem
         group, place = block.groups[problem // LANES], problem % LANES
-        count = _get(group, _N_ROOTS, place)
+        count = group[_N_ROOTS * LANES + place]
         root = block.roots[problem // LANES, int(count)]
-        _put(_get(work, part, lane), root, 0, place)
-        _put(_get(work, part + 1, lane), root, 1, place)
-        _put(_get(work, part + _GUESS, lane), root, 2, place)
-        _put(_get(work, part + _RISING, lane), root, 3, place)
+        root[place] = work[part * LANES + lane]
+        root[1 * LANES + place] = work[(part + 1) * LANES + lane]
+        root[2 * LANES + place] = work[(part + _GUESS) * LANES + lane]
+        root[3 * LANES + place] = work[(part + _RISING) * LANES + lane]
         full = n_splits == _QUEUE - LANES or at == _POOL - 1 or count >= MAX_SOLUTIONS
-        hard = block.hard[problem] | int(_get(work, part + _HARD, lane) > 0.0) | int(full)
+        hard = block.hard[problem] | int(work[(part + _HARD) * LANES + lane] > 0.0) | int(full)
         block.hard[problem] = hard
-        variations = _get(work, part + _VARIATIONS, lane)
+        variations = work[(part + _VARIATIONS) * LANES + lane]
         n_splits += int(variations > 1.0) & (1 - hard)
-        _put(count + (1.0 if variations == 1.0 and hard == 0 else 0.0), group, _N_ROOTS, place)
+        group[_N_ROOTS * LANES + place] = count + (1.0 if variations == 1.0 and hard == 0 else 0.0)
     block.counts[_N_SPLITS] = n_splits
 
 
@@ -412,7 +422,10 @@ def _refine_roots(group: Array, roots: Array) -> None:
                 if _newton_steps(group) == 0:
                     break
         _finish_newton(k, group)
-        copy_row(group[_TAU * LANES : (_TAU + 1) * LANES], group[(_SORTED + k) * LANES : (_SORTED + k + 1) * LANES])
+        copy_row(
+            group[_TAU * LANES : (_TAU + 1) * LANES],
+            group[(_SORTED + k) * LANES : (_SORTED + k + 1) * LANES],
+        )
     _sort(group)
 
 
@@ -421,26 +434,28 @@ def _count_above(k: int, group: Array) -> int:
     """Return how many lanes have more than k roots."""
     lanes = 0
     for lane in range(LANES):
-        lanes += 1 if _get(group, _N_ROOTS, lane) > k else 0
+        lanes += 1 if group[_N_ROOTS * LANES + lane] > k else 0
     return lanes
 
 
 @inlined
 def _start_newton(k: int, group: Array) -> None:
     for lane in range(LANES):
-        low, high = _get(group, _BRACKET, lane), _get(group, _BRACKET + 1, lane)
-        _put(high - low, group, _BRACKET + 4, lane)
-        _put(0.0, group, _BRACKET + 5, lane)
-        _put(1.0 if _get(group, _N_ROOTS, lane) <= k else 0.0, group, _BRACKET + 6, lane)
+        low, high = group[_BRACKET * LANES + lane], group[(_BRACKET + 1) * LANES + lane]
+        group[(_BRACKET + 4) * LANES + lane] = high - low
+        group[(_BRACKET + 5) * LANES + lane] = 0.0
+        group[(_BRACKET + 6) * LANES + lane] = 1.0 if group[_N_ROOTS * LANES + lane] <= k else 0.0
 
 
 @inlined
 def _finish_newton(k: int, group: Array) -> None:
     """Make τ infinite in the lanes without a root, or without f² > 0 there."""
     for lane in range(LANES):
-        feasible = k < _get(group, _N_ROOTS, lane) and _get(group, _BRACKET + 5, lane) < 0.0
-        tau = _get(group, _TAU, lane)
-        _put(tau if feasible else math.inf, group, _TAU, lane)
+        feasible = (
+            k < group[_N_ROOTS * LANES + lane] and group[(_BRACKET + 5) * LANES + lane] < 0.0
+        )
+        tau = group[_TAU * LANES + lane]
+        group[_TAU * LANES + lane] = tau if feasible else math.inf
 
 
 @inlined
@@ -448,17 +463,17 @@ def _newton_steps(group: Array) -> int:
     """Take one step in each lane that needs one; return how many need another."""
     more = 0
     for lane in range(LANES):
-        low, high, tau, rising = _four(group, _BRACKET, lane)
-        before, re, is_done = _three(group, _BRACKET + 4, lane)
+        low, high, tau, rising = _four(group, _BRACKET * LANES + lane)
+        before, re, is_done = _three(group, (_BRACKET + 4) * LANES + lane)
         done = is_done > 0.0
         bracket = Bracket(low, high, tau, before, re, done)
         after = newton_step(_factors(group, lane), rising > 0.0, bracket)
-        _put(low if done else after.low, group, _BRACKET, lane)
-        _put(high if done else after.high, group, _BRACKET + 1, lane)
-        _put(tau if done else after.tau, group, _TAU, lane)
-        _put(before if done else after.before, group, _BRACKET + 4, lane)
-        _put(re if done else after.re, group, _BRACKET + 5, lane)
-        _put(1.0 if done or after.done else 0.0, group, _BRACKET + 6, lane)
+        group[_BRACKET * LANES + lane] = low if done else after.low
+        group[(_BRACKET + 1) * LANES + lane] = high if done else after.high
+        group[_TAU * LANES + lane] = tau if done else after.tau
+        group[(_BRACKET + 4) * LANES + lane] = before if done else after.before
+        group[(_BRACKET + 5) * LANES + lane] = re if done else after.re
+        group[(_BRACKET + 6) * LANES + lane] = 1.0 if done or after.done else 0.0
         more += 0 if done or after.done else 1
     return more
 
@@ -467,17 +482,17 @@ def _newton_steps(group: Array) -> int:
 def _sort(group: Array) -> None:
     """Sort the values of τ; those without f² > 0 have become infinite."""
     for lane in range(LANES):
-        a, b, c, d = _four(group, _SORTED, lane)
-        e, f = _get(group, _SORTED + 4, lane), _get(group, _SORTED + 5, lane)
+        a, b, c, d = _four(group, _SORTED * LANES + lane)
+        e, f = group[(_SORTED + 4) * LANES + lane], group[(_SORTED + 5) * LANES + lane]
         # The network of twelve comparisons.
         a, f, b, d, c, e = min(a, f), max(a, f), min(b, d), max(b, d), min(c, e), max(c, e)
         b, c, d, e = min(b, c), max(b, c), min(d, e), max(d, e)
         a, d, c, f = min(a, d), max(a, d), min(c, f), max(c, f)
         a, b, c, d, e, f = min(a, b), max(a, b), min(c, d), max(c, d), min(e, f), max(e, f)
         b, c, d, e = min(b, c), max(b, c), min(d, e), max(d, e)
-        _put_four((a, b, c, d), group, _SORTED, lane)
-        _put(e, group, _SORTED + 4, lane)
-        _put(f, group, _SORTED + 5, lane)
+        _put_four((a, b, c, d), group, _SORTED * LANES + lane)
+        group[(_SORTED + 4) * LANES + lane] = e
+        group[(_SORTED + 5) * LANES + lane] = f
 
 
 @inlined
@@ -488,14 +503,14 @@ def _solve_group(
     for k in range(MAX_SOLUTIONS):
         wanted = 0
         for lane in range(LANES):
-            tau = _get(group, _SORTED + k, lane)
-            _put(tau, group, _TAU, lane)
+            tau = group[(_SORTED + k) * LANES + lane]
+            group[_TAU * LANES + lane] = tau
             wanted += 1 if tau < 1.0 else 0
         if wanted == 0:
             break
         _find_poses(group)
         for lane in range(min(n, LANES)):
-            if _get(group, _VALID, lane) > 0.0:
+            if group[_VALID * LANES + lane] > 0.0:
                 sample = source[lane]
                 count[sample] += _write_solution(
                     group, lane, rows[sample, min(count[sample], MAX_SOLUTIONS - 1)], one
@@ -506,77 +521,71 @@ def _solve_group(
 def _find_poses(group: Array) -> None:
     """Find the solution of one root in each lane, scaled and not."""
     for lane in range(LANES):
-        image, board = _points(group, _IMAGE, lane), _points(group, _BOARD, lane)
-        tau = _get(group, _TAU, lane)
+        image, board = _points(group, _IMAGE * LANES + lane), _points(group, _BOARD * LANES + lane)
+        tau = group[_TAU * LANES + lane]
         has_pose, row = pose_from_root(_factors(group, lane), tau, _cone(group, lane), image)
-        public = unscale(row, _get(group, _SCALE_PX, lane), _three(group, _BOARD + 8, lane))
-        _put_four(public[:4], group, _FOUND, lane)
-        _put_four(public[4:8], group, _FOUND + 4, lane)
-        _put_four(public[8:12], group, _FOUND + 8, lane)
-        _put_four((*public[12:], *row[9:11]), group, _FOUND + 12, lane)
-        _put(row[11], group, _FOUND + 16, lane)
-        _put(row[12], group, _FOUND + 17, lane)
-        _put(row[13], group, _FOUND + 18, lane)
-        _put(1.0 if has_pose and tau < 1.0 else 0.0, group, _VALID, lane)
-        _put(1.0 if is_accurate(row, image, board) else 0.0, group, _ACCURATE, lane)
+        public = unscale(
+            row, group[_SCALE_PX * LANES + lane], _three(group, (_BOARD + 8) * LANES + lane)
+        )
+        _put_four(public[:4], group, _FOUND * LANES + lane)
+        _put_four(public[4:8], group, (_FOUND + 4) * LANES + lane)
+        _put_four(public[8:12], group, (_FOUND + 8) * LANES + lane)
+        _put_four((*public[12:], *row[9:11]), group, (_FOUND + 12) * LANES + lane)
+        group[(_FOUND + 16) * LANES + lane] = row[11]
+        group[(_FOUND + 17) * LANES + lane] = row[12]
+        group[(_FOUND + 18) * LANES + lane] = row[13]
+        group[_VALID * LANES + lane] = 1.0 if has_pose and tau < 1.0 else 0.0
+        group[_ACCURATE * LANES + lane] = 1.0 if is_accurate(row, image, board) else 0.0
 
 
 @inlined
 def _write_solution(group: Array, lane: int, row: Array, one: Workspace) -> int:
     """Write the solution of a lane, refined if it needs it; return 0 if it is none, else 1."""
     for j in range(ROW_SIZE):
-        row[j] = _get(group, _FOUND + j, lane)
-    if _get(group, _ACCURATE, lane) > 0.0:
+        row[j] = group[(_FOUND + j) * LANES + lane]
+    if group[_ACCURATE * LANES + lane] > 0.0:
         return 1
     for j in range(5):
-        row[TRANSLATION + j] = _get(group, _FOUND_SCALED + j, lane)
-    image, board = _points(group, _IMAGE, lane), _points(group, _BOARD, lane)
-    scale_px, frame = _get(group, _SCALE_PX, lane), _three(group, _BOARD + 8, lane)
+        row[TRANSLATION + j] = group[(_FOUND_SCALED + j) * LANES + lane]
+    image, board = _points(group, _IMAGE * LANES + lane), _points(group, _BOARD * LANES + lane)
+    scale_px, frame = group[_SCALE_PX * LANES + lane], _three(group, (_BOARD + 8) * LANES + lane)
     return refine(row, image, board, scale_px, frame, one)
 
 
 @inlined
-def _get(group: Array, row: int, lane: int) -> float:
-    """Read one number of a lane; the functions below read and write several, from a row on."""
-    return group[row * LANES + lane]
+def _three(group: Array, at: int) -> tuple[float, float, float]:
+    """Read a lane's numbers of three rows; the functions below read and write more of them."""
+    return group[at], group[at + LANES], group[at + 2 * LANES]
 
 
 @inlined
-def _put(value: float, group: Array, row: int, lane: int) -> None:
-    group[row * LANES + lane] = value
+def _four(group: Array, at: int) -> Four:
+    return group[at], group[at + LANES], group[at + 2 * LANES], group[at + 3 * LANES]
 
 
 @inlined
-def _three(group: Array, row: int, lane: int) -> tuple[float, float, float]:
-    return _get(group, row, lane), _get(group, row + 1, lane), _get(group, row + 2, lane)
+def _seven(group: Array, at: int) -> Seven:
+    return (*_four(group, at), *_three(group, at + 4 * LANES))
 
 
 @inlined
-def _four(group: Array, row: int, lane: int) -> Four:
-    return (*_three(group, row, lane), _get(group, row + 3, lane))
-
-
-@inlined
-def _seven(group: Array, row: int, lane: int) -> Seven:
-    return (*_four(group, row, lane), *_three(group, row + 4, lane))
-
-
-@inlined
-def _points(group: Array, row: int, lane: int) -> Points:
-    return Points(_four(group, row, lane), _four(group, row + 4, lane))
+def _points(group: Array, at: int) -> Points:
+    return Points(_four(group, at), _four(group, at + 4 * LANES))
 
 
 @inlined
 def _cone(group: Array, lane: int) -> Cone:
-    return Cone(True, _four(group, _CONE, lane), _four(group, _CONE + 4, lane))
+    at = _CONE * LANES + lane
+    return Cone(True, _four(group, at), _four(group, at + 4 * LANES))
 
 
 @inlined
 def _factors(group: Array, lane: int) -> Factors:
-    u0, u1, u2, u3 = _four(group, _FACTORS, lane)
-    v0, v1, v2, v3 = _four(group, _FACTORS + 4, lane)
-    l0, l1, l2, l3 = _four(group, _FACTORS + 8, lane)
-    p0, p1, p2, p3 = _four(group, _FACTORS + 12, lane)
+    at = _FACTORS * LANES + lane
+    u0, u1, u2, u3 = _four(group, at)
+    v0, v1, v2, v3 = _four(group, at + 4 * LANES)
+    l0, l1, l2, l3 = _four(group, at + 8 * LANES)
+    p0, p1, p2, p3 = _four(group, at + 12 * LANES)
     return Factors(
         complex(u0, u1),
         complex(u2, u3),
@@ -586,26 +595,27 @@ def _factors(group: Array, lane: int) -> Factors:
         complex(l2, l3),
         complex(p0, p1),
         complex(p2, p3),
-        *_four(group, _FACTORS + 16, lane),
+        *_four(group, at + 16 * LANES),
     )
 
 
 @inlined
-def _put_four(four: Four, group: Array, row: int, lane: int) -> None:
+def _put_four(four: Four, group: Array, at: int) -> None:
     for i in range(4):
-        _put(four[i], group, row + i, lane)
+        group[at + i * LANES] = four[i]
 
 
 @inlined
-def _put_points(points: Points, group: Array, row: int, lane: int) -> None:
-    _put_four(points.x, group, row, lane)
-    _put_four(points.y, group, row + 4, lane)
+def _put_points(points: Points, group: Array, at: int) -> None:
+    _put_four(points.x, group, at)
+    _put_four(points.y, group, at + 4 * LANES)
 
 
 @inlined
 def _put_factors(f: Factors, group: Array, lane: int) -> None:
-    _put_four((f.u0.real, f.u0.imag, f.u1.real, f.u1.imag), group, _FACTORS, lane)
-    _put_four((f.v0.real, f.v0.imag, f.v1.real, f.v1.imag), group, _FACTORS + 4, lane)
-    _put_four((f.l0.real, f.l0.imag, f.l1.real, f.l1.imag), group, _FACTORS + 8, lane)
-    _put_four((f.p0.real, f.p0.imag, f.p1.real, f.p1.imag), group, _FACTORS + 12, lane)
-    _put_four((f.n0, f.n1, f.d0, f.d1), group, _FACTORS + 16, lane)
+    at = _FACTORS * LANES + lane
+    _put_four((f.u0.real, f.u0.imag, f.u1.real, f.u1.imag), group, at)
+    _put_four((f.v0.real, f.v0.imag, f.v1.real, f.v1.imag), group, at + 4 * LANES)
+    _put_four((f.l0.real, f.l0.imag, f.l1.real, f.l1.imag), group, at + 8 * LANES)
+    _put_four((f.p0.real, f.p0.imag, f.p1.real, f.p1.imag), group, at + 12 * LANES)
+    _put_four((f.n0, f.n1, f.d0, f.d1), group, at + 16 * LANES)

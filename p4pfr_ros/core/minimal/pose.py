@@ -200,9 +200,7 @@ def _square(row: Row, x: float, y: float, bx: float, by: float) -> Pair:
 
 
 @kernel
-def polish(
-    solution: Array, image: Points, board: Points, system: Array, trial: Array
-) -> float:
+def polish(solution: Array, image: Points, board: Points, system: Array, trial: Array) -> float:
     """
     Improve a solution (ROW_SIZE,) in place, by Newton's method; return its residual.
 

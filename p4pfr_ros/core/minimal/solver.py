@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .four import points_of
-from .lanes import Block, BLOCK, block_work, padded, put_sample, solve_block
+from .lanes import BLOCK, block_work, padded, put_sample, solve_block
 from .one import solve_minimal, UNFOLDED, workspace
 from .solution import G, H, MAX_SOLUTIONS, ROW_SIZE, Solution, solutions_from_rows
 from ..geometry import (
@@ -35,7 +35,7 @@ from ..geometry import (
     read_only,
     TRANSLATION,
 )
-from ..jit import jit, kernel
+from ..jit import jit
 
 _DOUBLE = np.dtype(np.float64)
 
@@ -170,12 +170,8 @@ def _solve_one(problem: Array, rows: Array) -> int:
 
 @jit
 def _solve_all(image: Array, board: Array, rows: Array, count: Ints) -> None:
-    _solve_each(image, board, rows, count, block_work())
-
-
-@kernel
-def _solve_each(image: Array, board: Array, rows: Array, count: Ints, block: Block) -> None:
     """Solve all problems, block by block; fill the rows past each count with NaN."""
+    block = block_work()
     n = len(count)
     for start in range(0, n, BLOCK):
         stop = min(start + BLOCK, n)

@@ -38,9 +38,7 @@ class Gates(NamedTuple):
 
 
 @kernel
-def hypotheses(
-    image: Points, board: Points, gates: Gates, rows: Array, work: Workspace
-) -> int:
+def hypotheses(image: Points, board: Points, gates: Gates, rows: Array, work: Workspace) -> int:
     """Solve the sample; write the plausible solutions to rows; return their number."""
     return keep_plausible(gates, rows, solve_minimal(image, board, UNFOLDED, rows, work))
 

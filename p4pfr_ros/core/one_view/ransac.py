@@ -40,7 +40,7 @@ from .least_squares import (
     truncated_cost,
 )
 from ..geometry import Array, Ints
-from ..jit import jit
+from ..jit import jit, part_of_kernel
 from ..minimal.four import chosen_points
 from ..minimal.lanes import Block, BLOCK, block_work, LANES, padded, put_sample, solve_block
 from ..minimal.one import UNFOLDED, Workspace, workspace
@@ -133,7 +133,7 @@ class Samples(NamedTuple):
     block: Block
 
 
-@jit
+@part_of_kernel
 def _samples() -> Samples:
     return Samples(
         np.empty((BLOCK, 4), dtype=np.int64),
@@ -193,14 +193,14 @@ def search_best(problem: Problem, search: Search, best: Array) -> tuple[int, flo
     return max(number, last), cost
 
 
-@jit
+@part_of_kernel
 def _last_sample(needed: float, at_least: int, search: Search) -> int:
     """Return after how many samples the search ends."""
     most = search.max_iterations
     return min(max(math.ceil(min(needed, most)), at_least), most)
 
 
-@jit
+@part_of_kernel
 def _draw_ahead(
     problem: Problem,
     smallest: tuple[float, float],
@@ -233,7 +233,7 @@ def _draw_ahead(
     return n, drawn, state
 
 
-@jit
+@part_of_kernel
 def _solve(problem: Problem, n: int, samples: Samples) -> None:
     """Write the plausible hypotheses of the first n samples."""
     for at in range(padded(n)):
