@@ -46,7 +46,7 @@ from .sextic import coefficients, Factors, factors, Seven
 from .solution import G, MAX_SOLUTIONS, ROW_SIZE
 from .one import refine, solve_minimal, workspace, Workspace
 from ..geometry import Array, Ints, TRANSLATION
-from ..jit import inlined, jit, kernel
+from ..jit import inlined, jit, kernel, part_of_kernel
 from ..linalg import copy_row
 
 # Lanes of the widest registers (AVX-512). Narrower machines take several instructions.
@@ -113,24 +113,24 @@ class Block(NamedTuple):
 def block_work() -> Block:
     """Allocate a block."""
     return Block(
-        np.ones((_GROUPS, _ROWS * LANES)),
-        np.ones(_ROWS * LANES),
-        np.zeros(LANES, dtype=np.int64),
-        np.zeros(BLOCK, dtype=np.int64),
+        np.empty((_GROUPS, _ROWS * LANES)),
+        np.empty(_ROWS * LANES),
+        np.empty(LANES, dtype=np.int64),
+        np.empty(BLOCK, dtype=np.int64),
         np.empty((_POOL, _POOL_ROWS * LANES)),
-        np.zeros(_QUEUE, dtype=np.int64),
-        np.zeros(_QUEUE, dtype=np.int64),
-        np.zeros((2, _QUEUE)),
-        np.zeros(_QUEUE, dtype=np.int64),
-        np.zeros((_GROUPS, _ROOT_PLACES, 4 * LANES)),
-        np.zeros(3, dtype=np.int64),
-        np.zeros(BLOCK, dtype=np.int64),
-        np.zeros(BLOCK, dtype=np.int64),
+        np.empty(_QUEUE, dtype=np.int64),
+        np.empty(_QUEUE, dtype=np.int64),
+        np.empty((2, _QUEUE)),
+        np.empty(_QUEUE, dtype=np.int64),
+        np.empty((_GROUPS, _ROOT_PLACES, 4 * LANES)),
+        np.empty(3, dtype=np.int64),
+        np.empty(BLOCK, dtype=np.int64),
+        np.empty(BLOCK, dtype=np.int64),
         workspace(),
     )
 
 
-@kernel
+@part_of_kernel
 def solve_block(n: int, max_bend: float, rows: Array, count: Ints, block: Block) -> None:
     """
     Solve the first n samples of the block as ``solve_minimal`` does.
@@ -248,17 +248,17 @@ def _isolate_roots(n: int, block: Block) -> None:
                 _set_part(part, group)
                 _describe_whole(group)
                 _drop_unwanted(part, group)
-                _file_parts(active, group, _LEFT, block)
+                _file_parts(active, group, _LEFT * LANES, block)
     while counts[_N_WHOLE] + counts[_N_SPLITS] > 0:
         if counts[_N_WHOLE] >= LANES or counts[_N_SPLITS] == 0:
             active = _take_whole(block)
             _describe_whole(work)
-            _file_parts(active, work, _LEFT, block)
+            _file_parts(active, work, _LEFT * LANES, block)
         else:
             active = _take_splits(block)
             _split(work)
-            _file_parts(active, work, _LEFT, block)
-            _file_parts(active, work, _RIGHT, block)
+            _file_parts(active, work, _LEFT * LANES, block)
+            _file_parts(active, work, _RIGHT * LANES, block)
 
 
 @inlined
@@ -378,16 +378,16 @@ def _put_part(
 
 
 @inlined
-def _file_parts(n: int, work: Array, part: int, block: Block) -> None:
+def _file_parts(n: int, work: Array, first: int, block: Block) -> None:
     """List each part where it belongs: to be split, to be computed again, or a root."""
     at = min(block.counts[_N_POOL], _POOL - 1)
     block.counts[_N_POOL] = at + 1
-    copy_row(work[part * LANES : (part + _POOL_ROWS) * LANES], block.pool[at])
+    copy_row(work[first : first + _POOL_ROWS * LANES], block.pool[at])
     n_splits = block.counts[_N_SPLITS]
     for lane in range(n):
         problem = block.problem[lane]
-        if work[(part + _LOST) * LANES + lane] > 0.0:
-            low, high = work[part * LANES + lane], work[(part + 1) * LANES + lane]
+        if work[first + _LOST * LANES + lane] > 0.0:
+            low, high = work[first + lane], work[first + LANES + lane]
             _append_whole(problem, low, high, block)
             continue
         # Written to both lists without a condition, which would be unpredictable, and counted in
@@ -397,14 +397,14 @@ def _file_parts(n: int, work: Array, part: int, block: Block) -> None:
         group, place = block.groups[problem // LANES], problem % LANES
         count = group[_N_ROOTS * LANES + place]
         root = block.roots[problem // LANES, int(count)]
-        root[place] = work[part * LANES + lane]
-        root[1 * LANES + place] = work[(part + 1) * LANES + lane]
-        root[2 * LANES + place] = work[(part + _GUESS) * LANES + lane]
-        root[3 * LANES + place] = work[(part + _RISING) * LANES + lane]
+        root[place] = work[first + lane]
+        root[1 * LANES + place] = work[first + LANES + lane]
+        root[2 * LANES + place] = work[first + _GUESS * LANES + lane]
+        root[3 * LANES + place] = work[first + _RISING * LANES + lane]
         full = n_splits == _QUEUE - LANES or at == _POOL - 1 or count >= MAX_SOLUTIONS
-        hard = block.hard[problem] | int(work[(part + _HARD) * LANES + lane] > 0.0) | int(full)
+        hard = block.hard[problem] | int(work[first + _HARD * LANES + lane] > 0.0) | int(full)
         block.hard[problem] = hard
-        variations = work[(part + _VARIATIONS) * LANES + lane]
+        variations = work[first + _VARIATIONS * LANES + lane]
         n_splits += int(variations > 1.0) & (1 - hard)
         group[_N_ROOTS * LANES + place] = count + (1.0 if variations == 1.0 and hard == 0 else 0.0)
     block.counts[_N_SPLITS] = n_splits
