@@ -23,8 +23,8 @@ from p4pfr_ros import solve_p4pfr_batch
 from p4pfr_ros.core.geometry import Array, Ints
 from p4pfr_ros.core.jit import jit
 from p4pfr_ros.core.minimal import lanes
+from p4pfr_ros.core.minimal.block import BLOCK, block_work, LANES, put_sample
 from p4pfr_ros.core.minimal.four import points_of
-from p4pfr_ros.core.minimal.lanes import BLOCK, LANES
 from p4pfr_ros.core.minimal.one import UNFOLDED
 from p4pfr_ros.core.minimal.solution import MAX_SOLUTIONS, ROW_SIZE
 from p4pfr_ros.report.figure_style import STYLE
@@ -50,11 +50,11 @@ STAGES = (
 @jit
 def _run(image: Array, board: Array, stages: int, rows: Array, count: Ints) -> None:
     """Run the first stages of ``lanes.solve_block`` on whole blocks."""
-    block = lanes.block_work()
+    block = block_work()
     for start in range(0, len(image), BLOCK):
         for at in range(BLOCK):
             i = start + at
-            lanes.put_sample(points_of(image[i]), points_of(board[i]), at, block)
+            put_sample(points_of(image[i]), points_of(board[i]), at, block)
             count[at] = 0
         if stages < 2:
             continue
@@ -111,7 +111,7 @@ def draw(stages_ns: dict[str, Array]) -> Figure:
     for i, stage in enumerate(STAGES):
         width = np.array([stages_ns[name][i] for name in names])
         bars = axes.barh(names, width, left=left, color=colors[i], label=stage, height=0.62)
-        labels = [f'{w:.0f}' if w >= 12.0 else '' for w in width]
+        labels = [f'{w:.0f}' if w >= 25.0 else '' for w in width]
         color = 'white' if i < len(STAGES) // 2 + 1 else 'black'
         axes.bar_label(bars, labels, label_type='center', color=color, fontsize=8)
         left += width

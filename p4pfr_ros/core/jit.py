@@ -61,9 +61,10 @@ def reducing_kernel(function: Function) -> Function:
 
 def inlined(function: Function) -> Function:
     """
-    Compile as ``kernel`` does a function of numbers, and always inline it in compiled code.
+    Compile as ``kernel`` does a function that LLVM always inlines.
 
-    LLVM vectorises a loop over the lanes of a block only if it calls nothing.
+    LLVM vectorises a loop only if nothing is called in it. Other than a ``part_of_kernel``, the
+    function is typed once, whatever the number of calls.
     """
     return _compiled(function, **_OPTIONS, _nrt=False, forceinline=True)
 

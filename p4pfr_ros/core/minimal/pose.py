@@ -5,8 +5,9 @@
 The pose of each root of the sextic: scaling, recovery, and Newton's method on the four points.
 
 ``scale_image`` and ``scale_board`` scale a problem, so that a board in mm, in km or far from its
-origin is solved alike; ``pose_from_root`` recovers pose, focal length and distortion from a root; ``polish`` removes the rounding error of the sextic; ``unscale`` converts
-to pixels and the board's own frame.
+origin is solved alike; ``pose_from_root`` recovers pose, focal length and distortion from a root;
+``polish`` removes the rounding error of the sextic; ``unscale`` converts to pixels and the board's
+own frame.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import NamedTuple
 from .cone import Cone
 from .four import dot, Four, largest, minus, plus, Points, scaled, times
 from .sextic import Factors, factors_at
-from .solution import G, H, load_row, Row, ROW_SIZE
+from .solution import G, H, load_row, Row
 from ..geometry import Array, TRANSLATION
 from ..jit import inlined, kernel
 from ..linalg import copy_row, rotate, solve_in_place
@@ -93,7 +94,7 @@ def _centred(a: Four) -> tuple[Four, float]:
 
 @inlined
 def pose_from_root(f: Factors, tau: float, cone: Cone, image: Points) -> tuple[bool, Row]:
-    """Return whether the root has a pose, and the pose, focal length and h of the scaled problem."""
+    """Return whether a root has a pose; pose, focal length and h of the scaled problem."""
     u, v, l, p, n, d = factors_at(f, tau)  # noqa: E741
     z_x, z_y = d * l.real - n * p.real, d * l.imag - n * p.imag
     q_x, q_y = u.real * v.real - u.imag * v.imag, u.real * v.imag + u.imag * v.real
@@ -298,7 +299,7 @@ def unscale(row: Row, scale_px: float, frame: Frame) -> Row:
     """Convert a solution of the scaled, centred problem to pixels and the board's own frame."""
     size, x, y = frame
     return (
-        *row[:TRANSLATION],
+        *row[:9],
         row[9] * size - row[0] * x - row[1] * y,
         row[10] * size - row[3] * x - row[4] * y,
         row[11] * size - row[6] * x - row[7] * y,

@@ -21,8 +21,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .block import BLOCK, block_work, padded, put_sample
 from .four import points_of
-from .lanes import BLOCK, block_work, padded, put_sample, solve_block
+from .lanes import solve_block
 from .one import solve_minimal, UNFOLDED, workspace
 from .solution import G, H, MAX_SOLUTIONS, ROW_SIZE, Solution, solutions_from_rows
 from ..geometry import (
@@ -157,7 +158,7 @@ def solve_p4pfr_batch(
 
 @jit
 def _solve_one(problem: Array, rows: Array) -> int:
-    """Solve the image points problem[0] and board points problem[1]; check that they are finite."""
+    """Solve image points problem[0] and board points problem[1]; check that they are finite."""
     finite = True
     for i in range(4):
         for j in range(2):

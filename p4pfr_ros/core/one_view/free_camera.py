@@ -21,8 +21,8 @@ from typing import NamedTuple
 from ..geometry import Array, TRANSLATION
 from ..jit import inlined, kernel
 from ..minimal.four import Points
-from ..minimal.solution import G, H, load_row, Row, ROW_SIZE
 from ..minimal.one import solve_minimal, UNFOLDED, Workspace
+from ..minimal.solution import G, H, load_row, Row, ROW_SIZE
 from ..model.normal_equations import add_point, fill_pose_columns
 
 _SMALLEST_W = 1e-100

@@ -22,8 +22,8 @@ from ..geometry import Array, Ints, TRANSLATION
 from ..jit import jit, kernel
 from ..linalg import invert_information, rotate, solve_in_place
 from ..minimal.four import chosen_points
-from ..minimal.solution import G, H, ROW_SIZE
 from ..minimal.one import Workspace
+from ..minimal.solution import G, H, ROW_SIZE
 from ..model.lens import lens_from_camera
 from ..model.normal_equations import COLUMNS
 from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, pose_to_public

@@ -41,8 +41,9 @@ from .least_squares import (
 )
 from ..geometry import Array, Ints
 from ..jit import jit, part_of_kernel
+from ..minimal.block import BLOCK, Block, block_work, LANES, padded, put_sample
 from ..minimal.four import chosen_points
-from ..minimal.lanes import Block, BLOCK, block_work, LANES, padded, put_sample, solve_block
+from ..minimal.lanes import solve_block
 from ..minimal.one import UNFOLDED, Workspace, workspace
 from ..minimal.solution import MAX_SOLUTIONS, ROW_SIZE
 
@@ -123,13 +124,13 @@ class Samples(NamedTuple):
     Samples drawn ahead, so that the solver takes many at once.
 
     chosen (BLOCK, 4); number (BLOCK,): how many had been drawn with each; rows (BLOCK, 6,
-    ROW_SIZE) and count (BLOCK,): their hypotheses.
+    ROW_SIZE) and solved (BLOCK,): their hypotheses.
     """
 
     chosen: Ints
     number: Ints
     rows: Array
-    count: Ints
+    solved: Ints
     block: Block
 
 
@@ -174,7 +175,7 @@ def search_best(problem: Problem, search: Search, best: Array) -> tuple[int, flo
         if samples.number[at] > last:
             break
         number = samples.number[at]
-        for s in range(samples.count[at]):
+        for s in range(samples.solved[at]):
             row = samples.rows[at, s]
             score = truncated_cost(row, problem, search.limit, cost)
             if not score < cost:
@@ -227,7 +228,7 @@ def _draw_ahead(
         for i in range(n):
             board = chosen_points(problem.board, samples.chosen[i])
             rays, row = problem.rays, samples.rows[i, 0]
-            samples.count[i] = known_camera.hypothesis(rays, board, samples.chosen[i], row)
+            samples.solved[i] = known_camera.hypothesis(rays, board, samples.chosen[i], row)
     else:
         _solve(problem, n, samples)
     return n, drawn, state
@@ -240,9 +241,9 @@ def _solve(problem: Problem, n: int, samples: Samples) -> None:
         chosen = samples.chosen[min(at, n - 1)]
         image, board = chosen_points(problem.image, chosen), chosen_points(problem.board, chosen)
         put_sample(image, board, at, samples.block)
-    solve_block(n, UNFOLDED, samples.rows, samples.count, samples.block)
+    solve_block(n, UNFOLDED, samples.rows, samples.solved, samples.block)
     for i in range(n):
-        samples.count[i] = keep_plausible(problem.gates, samples.rows[i], samples.count[i])
+        samples.solved[i] = keep_plausible(problem.gates, samples.rows[i], samples.solved[i])
 
 
 @jit

@@ -5,8 +5,9 @@
 
 import numpy as np
 from p4pfr_ros import solve_p4pfr, solve_p4pfr_batch
+from p4pfr_ros.core.minimal.block import BLOCK, block_work, padded, put_sample
 from p4pfr_ros.core.minimal.four import points_of
-from p4pfr_ros.core.minimal.lanes import BLOCK, block_work, padded, put_sample, solve_block
+from p4pfr_ros.core.minimal.lanes import solve_block
 from p4pfr_ros.core.minimal.one import solve_minimal, workspace
 from p4pfr_ros.core.minimal.solution import MAX_SOLUTIONS, ROW_SIZE
 from p4pfr_ros.scenes.instances import draw_instances, KINDS
