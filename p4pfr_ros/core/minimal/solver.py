@@ -150,7 +150,7 @@ def solve_p4pfr_batch(
     return SolutionBatch(
         count,
         rows[..., G],
-        rows[..., H] * rows[..., G],
+        rows[..., H],
         rows[..., :TRANSLATION].reshape(n, MAX_SOLUTIONS, 3, 3),
         rows[..., TRANSLATION:G],
     )
@@ -171,7 +171,7 @@ def _solve_one(problem: Array, rows: Array) -> int:
 
 @jit
 def _solve_all(image: Array, board: Array, rows: Array, count: Ints) -> None:
-    """Solve all problems, block by block; fill the rows past each count with NaN."""
+    """Solve all problems, block by block; replace h by k; fill rows past each count with NaN."""
     block = block_work()
     n = len(count)
     for start in range(0, n, BLOCK):
@@ -183,6 +183,8 @@ def _solve_all(image: Array, board: Array, rows: Array, count: Ints) -> None:
             put_sample(points_of(image[i]), points_of(board[i]), at, block)
         solve_block(size, UNFOLDED, rows[start:stop], count[start:stop], block)
         for i in range(start, stop):
+            for s in range(count[i]):
+                rows[i, s, H] *= rows[i, s, G]
             for s in range(count[i], MAX_SOLUTIONS):
                 for j in range(ROW_SIZE):
                     rows[i, s, j] = math.nan
