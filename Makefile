@@ -8,6 +8,13 @@ MADE := $(VENV)/.made-from-setup.py
 # The ament index of the ROS wheels in the environment. A sourced ROS must not interfere.
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)
 unexport PYTHONPATH LD_LIBRARY_PATH RMW_IMPLEMENTATION
+# The tests start some two hundred processes, which would compile the same modules each.
+unexport PYTHONDONTWRITEBYTECODE
+
+# Logs, compiled kernels and caches need a home directory that can be written to.
+ifneq ($(shell test -n "$$HOME" && test -w "$$HOME" && echo writable),writable)
+export HOME := $(CURDIR)/$(VENV)/home
+endif
 
 # ROS wheels exist for these versions of Python.
 define CHECK_PYTHON
@@ -17,7 +24,7 @@ if not (3, 10) <= sys.version_info[:2] <= (3, 13):
 endef
 export CHECK_PYTHON
 
-.PHONY: help venv demo test lint ament colcon opencv46 clean
+.PHONY: help venv links demo test lint ament colcon opencv46 clean
 help:
 	@echo 'make venv      create the environment $(VENV): this package (editable), ROS 2 wheels, tools'
 	@echo 'make demo      run a simulated camera, detector and pose node over DDS; writes demo.png'
@@ -33,13 +40,21 @@ venv: $(MADE)
 # An editable install omits data files; the links make the environment a complete ament prefix.
 $(MADE): setup.py
 	@$(PYTHON) -c "$$CHECK_PYTHON"
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --editable '.[ros,test,lint]'
-	mkdir -p $(VENV)/lib/p4pfr_ros $(VENV)/share/p4pfr_ros $(INDEX)
-	ln -sfn $(CURDIR)/resource/p4pfr_ros $(INDEX)/
-	ln -sfn $(CURDIR)/package.xml $(CURDIR)/config $(CURDIR)/launch $(VENV)/share/p4pfr_ros/
-	ln -sfn $(CURDIR)/scripts/* $(VENV)/lib/p4pfr_ros/
-	touch $@
+	@echo 'Creating the environment $(VENV), once; it takes a minute or two.'
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --disable-pip-version-check --editable '.[ros,test,lint]' || \
+		{ echo 'make: pip failed, see above. Without a network it cannot download.' >&2; exit 1; }
+	@$(MAKE) --no-print-directory links
+	@$(BIN)/p4pfr compile
+	@touch $@
+
+# The path may contain spaces: a quoted folder, and names relative to it.
+links:
+	@mkdir -p $(VENV)/lib/p4pfr_ros $(VENV)/share/p4pfr_ros $(INDEX)
+	@ln -sfn "$(CURDIR)/resource/p4pfr_ros" $(INDEX)/
+	@for name in package.xml config launch; do \
+		ln -sfn "$(CURDIR)/$$name" $(VENV)/share/p4pfr_ros/; done
+	@for name in scripts/*; do ln -sfn "$(CURDIR)/$$name" $(VENV)/lib/p4pfr_ros/; done
 
 demo: venv
 	$(BIN)/p4pfr demo
@@ -51,14 +66,14 @@ INTERPRETED := test/core/minimal test/core/model test/core/cameras test/core/tes
 	test/core/many_views/test_bundle_adjustment.py
 
 # The kernels are compiled once instead of by each worker, while the tests without JIT run.
-# DDS tests run last and alone, because their processes need the cores. They mostly wait, so two
+# DDS tests run last and alone, because their processes need the cores. They mostly wait, so three
 # modules run at a time, each in its own DDS domain.
 test: venv
-	$(BIN)/python -c 'from p4pfr_ros.ros.runtime.warm_up import *; warm_up(); warm_up_detection()' & compiler=$$!; \
+	$(BIN)/p4pfr compile & compiler=$$!; \
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 1 $(INTERPRETED); status=$$?; \
 	wait $$compiler && exit $$status
 	$(BIN)/python -m pytest -m 'not dds' -n auto --dist loadscope
-	$(BIN)/python -m pytest -m dds -n 2 --dist loadscope
+	$(BIN)/python -m pytest -m dds -n 3 --dist loadscope
 
 lint: venv
 	$(BIN)/ruff check .
@@ -78,5 +93,5 @@ opencv46:
 
 clean:
 	rm -rf $(VENV) .venv-colcon .venv-opencv46 .colcon build *.egg-info demo.png
-	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf p4pfr_ros/_kernels .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -prune -exec rm -rf {} +

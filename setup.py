@@ -4,8 +4,12 @@
 """Metadata for pip and colcon; colcon does not read it from pyproject.toml."""
 
 from glob import glob
+import os
+import subprocess
+import sys
 
 from setuptools import find_packages, setup
+from setuptools.command.install import install
 
 PACKAGE = 'p4pfr_ros'
 SHARE = f'share/{PACKAGE}'
@@ -24,8 +28,34 @@ AMENT_LINTERS = [
     'ros-ament-pep257<0.18',
 ]
 
+
+class InstallWithKernels(install):
+    """
+    Compiles the kernels beside the installed package: they are found whatever cache is in use.
+
+    colcon runs this command. pip does not: a wheel is for all machines. A packager's ``--root`` is
+    for others, too.
+    """
+
+    def run(self):
+        """Install, then compile; without Numba or OpenCV the nodes do so when they start."""
+        super().run()
+        if 'install' not in sys.argv or self.root:
+            return
+        path = [os.path.abspath(self.install_lib), os.environ.get('PYTHONPATH', '')]
+        done = subprocess.run(
+            [sys.executable, '-m', PACKAGE, 'compile'],
+            cwd=os.sep,
+            env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, path))},
+            check=False,
+        )
+        if done.returncode:
+            print('the kernels are not compiled now but when they are needed', file=sys.stderr)
+
+
 setup(
     name=PACKAGE,
+    cmdclass={'install': InstallWithKernels},
     version='0.1.0',
     description='Pose, focal length and distortion from one view of a flat marker or board',
     maintainer='p4pfr_ros maintainers',
@@ -39,11 +69,11 @@ setup(
         (SHARE, ['package.xml']),
         (
             f'{SHARE}/config',
-            [p for kind in ('yaml', 'rviz', 'json') for p in glob(f'config/*.{kind}')],
+            [p for kind in ('yaml', 'rviz', 'json', 'xml') for p in glob(f'config/*.{kind}')],
         ),
         (f'{SHARE}/config/boards', glob('config/boards/*.yaml')),
         (f'{SHARE}/launch', glob('launch/*.launch.py')),
-        # `ros2 run` and launch look for executables here; pip installs no console scripts here.
+        # `ros2 run` and launch look for executables here; console scripts are in bin/.
         (f'lib/{PACKAGE}', glob('scripts/*')),
     ],
     zip_safe=False,
@@ -65,7 +95,8 @@ setup(
             'ros-jazzy-rclpy',
             'ros-jazzy-rmw-fastrtps-cpp',
         ],
-        # `p4pfr calibrate --bag`; rosdep has no key for it.
+        # `p4pfr calibrate --bag`. Not in package.xml: rosdep installs it by pip, and ROS's build
+        # farm releases no package that needs pip.
         'bags': ['rosbags>=0.11'],
         # Without pytest here, colcon runs no tests and reports success.
         'test': [

@@ -34,7 +34,7 @@ Draw = Callable[[np.random.Generator], Deviations]
 SIZES = ((640, 480), (1280, 720))
 
 # Of cameras that are calibrated first: one for this many views of a kind, at least one.
-_VIEWS_PER_CAMERA = 10
+VIEWS_PER_CAMERA = 10
 _CALIBRATION_VIEWS = 40
 _CALIBRATION_CENTER = 0.03  # largest distance of the centre from the middle, in widths
 _FRONTAL_DEG = (0.0, 12.0)
@@ -145,7 +145,7 @@ def calibrated_scores(
 
     Each view is given to a copy of the calibration, which has seen no other view that deviates.
     """
-    calibrations = [_calibrated(i, options) for i in range(max(1, views // _VIEWS_PER_CAMERA))]
+    calibrations = [calibrated(i, options) for i in range(max(1, views // VIEWS_PER_CAMERA))]
     found = {}
     for row, (name, draw) in enumerate(kinds.items()):
         rng = np.random.default_rng([_SEEDS['calibrated'], row])
@@ -155,7 +155,7 @@ def calibrated_scores(
     return found
 
 
-def _calibrated(index: int, options: EstimateOptions) -> tuple[Camera, SelfCalibration]:
+def calibrated(index: int, options: EstimateOptions) -> tuple[Camera, SelfCalibration]:
     """Return a camera, and its calibration."""
     rng = np.random.default_rng([_SEEDS['calibration'], index])
     size = SIZES[0]

@@ -11,6 +11,7 @@ The solver needs NumPy and Numba only. ``detect`` (OpenCV), ``load_boards`` and
 from __future__ import annotations
 
 import importlib
+import importlib.metadata
 from typing import Any, TYPE_CHECKING
 
 from .core.cameras.camera_info import CameraInfoModel
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from .files.boards import load_boards
     from .files.calibration import load_calibration
 
-__version__ = '0.1.0'
+    __version__: str
 
 __all__ = [
     'BoardShape',
@@ -70,8 +71,18 @@ _ON_FIRST_USE = {
 
 
 def __getattr__(name: str) -> Any:
+    if name == '__version__':
+        return _version()
     if name not in _ON_FIRST_USE:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     value = getattr(importlib.import_module(_ON_FIRST_USE[name], __name__), name)
     globals()[name] = value
     return value
+
+
+def _version() -> str:
+    """Return the version of setup.py, which a release sets."""
+    try:
+        return importlib.metadata.version(__name__)
+    except importlib.metadata.PackageNotFoundError:  # run from its sources
+        return 'unknown'

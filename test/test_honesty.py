@@ -7,6 +7,7 @@ import dataclasses
 import os
 
 from benchmarks.honesty import main, OPTIONS
+from benchmarks.honesty_changes import CHANGE_HEADER
 from benchmarks.honesty_kinds import (
     BOARD_KINDS,
     CALIBRATED_KINDS,
@@ -91,14 +92,15 @@ def test_the_command_writes_a_page(tmp_path, monkeypatch, with_data):
     page = tmp_path / 'page.md'
     assert main(['--views', '2', '--options', 'default', '--markdown', str(page)]) == 0
     lines = page.read_text().splitlines()
-    assert sum(line.startswith('## ') for line in lines) == 3 + with_data
+    assert sum(line.startswith('## ') for line in lines) == 4 + with_data
     for kind in (*MARKER_KINDS, *BOARD_KINDS, *CALIBRATED_KINDS, *real):
         assert any(line.startswith(f'| {kind} |') for line in lines)
     # A cell with a bar would shift the columns.
     tables = [line for line in lines if line.startswith('|')]
-    assert {line.count('|') for line in tables} == {len(SCORE_HEADER) + 2} | (
-        {len(REAL_HEADER) + 1} if with_data else set()
-    )
+    assert {line.count('|') for line in tables} == {
+        len(SCORE_HEADER) + 2,
+        len(CHANGE_HEADER) + 1,
+    } | ({len(REAL_HEADER) + 1} if with_data else set())
 
 
 @pytest.fixture(scope='module')

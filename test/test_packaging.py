@@ -19,7 +19,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 NODES = {'pose_node', 'lifecycle_pose_node', 'detector_node', 'camera_simulator'}
 
-# Names on PyPI and in rosdep of the modules that we import.
+# Names on PyPI and in rosdep of the modules that we import. Others have the module's name.
 PYPI = {'cv2': 'opencv-python-headless', 'yaml': 'pyyaml', 'catkin_pkg': 'catkin-pkg'}
 ROSDEP = {
     'cv2': 'python3-opencv',
@@ -28,16 +28,12 @@ ROSDEP = {
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
     'rich': 'python3-rich',
+    'tf2_ros': 'tf2_ros_py',  # the package tf2_ros has no Python
     'yaml': 'python3-yaml',
 }
-# Optional dependencies that are in no package.xml.
-OPTIONAL = {'apriltag_msgs', 'rosbags'}
-COME_WITH_RCLPY = {
-    'ament_index_python',
-    'builtin_interfaces',
-    'lifecycle_msgs',
-    'rosidl_generator_py',
-}
+# Modules that no package may depend on that ROS's build farm releases: they are imported in a
+# `try` only, and users install them. rosbags has a rosdep key that installs it by pip.
+NOT_RELEASED = {'isaac_ros_apriltag_interfaces', 'rosbags'}
 
 
 @pytest.fixture(scope='module')
@@ -58,14 +54,52 @@ def requirements(extra=None):
 
 def third_parties(*folders):
     """Return the top-level third-party modules imported in folders."""
-    tops = set()
+    return set().union(*(tops for _, tops in imports(*folders)))
+
+
+def guarded(*folders):
+    """Return those that are imported in a ``try`` only, which catches ImportError."""
+    plain, tried = (
+        set().union(*(tops for is_tried, tops in imports(*folders) if is_tried == wanted))
+        for wanted in (False, True)
+    )
+    return tried - plain
+
+
+def imports(*folders):
+    """Yield for each import of third parties whether it is in a ``try``, and the modules."""
     for path in (p for folder in folders for p in (ROOT / folder).rglob('*.py')):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Import):
-                tops |= {alias.name.split('.')[0] for alias in node.names}
-            elif isinstance(node, ast.ImportFrom) and node.level == 0:
-                tops.add(node.module.split('.')[0])
+        tree = ast.parse(path.read_text())
+        tried = {id(node) for attempt in ast.walk(tree) for node in attempted(attempt)}
+        for node in ast.walk(tree):
+            yield id(node) in tried, third_party_tops(node)
+
+
+def attempted(node):
+    """Yield what a statement does with ImportError caught or suppressed."""
+    if isinstance(node, ast.Try):
+        catches = ' '.join(ast.unparse(h.type) for h in node.handlers if h.type)
+    elif isinstance(node, ast.With):
+        catches = ' '.join(ast.unparse(item) for item in node.items)
+    else:
+        return
+    if re.search('ImportError|ModuleNotFoundError', catches):
+        yield from (inner for statement in node.body for inner in ast.walk(statement))
+
+
+def third_party_tops(node):
+    """Return the top-level third-party modules that a statement imports."""
+    tops = set()
+    if isinstance(node, ast.Import):
+        tops = {alias.name.split('.')[0] for alias in node.names}
+    elif isinstance(node, ast.ImportFrom) and node.level == 0:
+        tops = {node.module.split('.')[0]}
     return tops - set(sys.stdlib_module_names) - {'benchmarks', 'p4pfr_ros'}
+
+
+def keys(modules):
+    """Return the rosdep keys of modules."""
+    return {ROSDEP.get(module, module) for module in modules}
 
 
 def test_version_is_the_same_everywhere(package):
@@ -87,12 +121,27 @@ def test_changelog_follows_rep_132():
 
 
 def test_package_xml_lists_the_imports(package):
-    used = third_parties('p4pfr_ros', 'launch') - OPTIONAL
-    assert {d.name for d in package.exec_depends} == {ROSDEP.get(top, top) for top in used}
+    """Plain and guarded ones, of the package and of the launch files."""
+    used = third_parties('p4pfr_ros', 'launch')
+    assert guarded('p4pfr_ros', 'launch') >= NOT_RELEASED
+    assert {d.name for d in package.exec_depends} == keys(used - NOT_RELEASED)
+
+
+def test_an_import_is_guarded_if_each_of_its_places_is(tmp_path):
+    """In functions, too; in a ``try`` for other errors it is not."""
+    (tmp_path / 'a.py').write_text(
+        'try:\n    import one, two\nexcept (ImportError, OSError):\n    import three\n'
+        'def f():\n    try:\n        from four.inner import x\n    except ValueError: ...\n'
+        'with suppress(ImportError):\n    if True:\n        import five\n'
+    )
+    (tmp_path / 'b.py').write_text('from two import y\nimport os\n')
+    assert third_parties(tmp_path) == {'one', 'two', 'three', 'four', 'five'}
+    assert guarded(tmp_path) == {'one', 'five'}
 
 
 def test_setup_py_lists_the_imports():
-    from_pypi = {top for top in third_parties('p4pfr_ros') if top in ROSDEP}
+    used = third_parties('p4pfr_ros')
+    from_pypi = {top for top in used if ROSDEP.get(top, '').startswith('python3-')}
     optional = requirements('cli') | requirements('plot')
     assert requirements() | optional == {PYPI.get(top, top) for top in from_pypi}
     assert not requirements() & optional
@@ -109,9 +158,10 @@ def test_optional_dependencies_have_an_extra_and_are_tested(extra, names):
 def test_extra_and_package_xml_list_the_imports_of_the_tests(package):
     local = {path.stem for folder in ('docs', 'test') for path in (ROOT / folder).rglob('*.py')}
     local.add('node_pages')
-    used = third_parties('test') - third_parties('p4pfr_ros') - local - COME_WITH_RCLPY
-    assert {PYPI.get(top, top) for top in used} <= requirements('test')
-    rosdep = {ROSDEP.get(top, f'python3-{top}') for top in used}
+    used = third_parties('test') - third_parties('p4pfr_ros') - local - guarded('test')
+    from_ros = {'ament_index_python', 'lifecycle_msgs'}  # pip's rclpy requires them
+    assert {PYPI.get(top, top) for top in used - from_ros} <= requirements('test')
+    rosdep = {ROSDEP.get(t, t if t in from_ros else f'python3-{t}') for t in used}
     assert rosdep <= {depend.name for depend in package.test_depends}
 
 
@@ -124,12 +174,25 @@ def test_console_script_is_importable():
 def test_launcher_starts_a_main_that_exists(path):
     assert os.access(path, os.X_OK)
     [module] = re.findall(r'from (\S+) import main', path.read_text())
-    assert module == f'p4pfr_ros.ros.{path.name}'
+    assert module == ('p4pfr_ros.cli' if path.name == 'p4pfr' else f'p4pfr_ros.ros.{path.name}')
     assert callable(import_module(module).main)
 
 
-def test_every_node_has_a_launcher():
-    assert {path.name for path in (ROOT / 'scripts').iterdir()} == NODES
+def test_every_node_and_the_command_have_a_launcher():
+    assert {path.name for path in (ROOT / 'scripts').iterdir()} == NODES | {'p4pfr'}
+
+
+def test_the_launcher_of_the_command_passes_its_arguments():
+    """As ``ros2 run p4pfr_ros p4pfr`` does."""
+    environment = os.environ | {'PATH': f'{Path(sys.executable).parent}:{os.environ["PATH"]}'}
+    out = subprocess.run(
+        [ROOT / 'scripts/p4pfr', '--version'],
+        env=environment,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout
+    assert out == f'p4pfr_ros {p4pfr_ros.__version__}\n'
 
 
 def test_data_files_are_installed():

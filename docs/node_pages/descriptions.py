@@ -26,9 +26,14 @@ POSE_NODE = {
         'The tags detected by apriltag_ros, assigned to the boards of `board_file`. Subscribed to '
         'if apriltag_msgs is installed and `board_file` is set.'
     ),
+    'tag_detections': (
+        'The tags detected by isaac_ros_apriltag, likewise. Subscribed to if '
+        'isaac_ros_apriltag_interfaces is installed and `board_file` is set.'
+    ),
     'camera_info': (
         'Size, binning and region of interest of the raw image. K may be 0: only the mode '
-        '`camera_info` uses the intrinsics.'
+        '`camera_info` uses the intrinsics. If its publishers are latched (transient local), so '
+        'is the subscription: a message from before the start is received.'
     ),
     '~/pose': (
         'The pose of the board in the frame of the image, in metres. If a view does not determine '
@@ -44,6 +49,10 @@ POSE_NODE = {
         '`equidistant` for wide lenses. Published when the camera changes or improves; late '
         'subscribers receive the last one. K is 0 when the camera is no longer known, as after a '
         'reset.'
+    ),
+    '~/camera_info_synced': (
+        'The same once for each image, with its header, for image_proc and other nodes that '
+        'synchronise images and camera_info exactly: see [rectified images](#rectified-images).'
     ),
     '~/camera_info_division': (
         'The same camera in its own model: `distortion_model` is `division`, K holds fx, fy and '
@@ -61,8 +70,9 @@ POSE_NODE = {
     '/diagnostics': 'The status of the node, once a second and after each change; see below.',
     '~/set_enabled': 'Whether messages are processed; sets the parameter `enabled`.',
     '~/save_calibration': (
-        'Save the calibration to `calibration_file`, in the format of camera_calibration. The '
-        'response has the path, or the reason of a failure.'
+        'Save the calibration to `calibration_file`, in the format of camera_calibration. A file '
+        'of another program is kept with `.bak` appended. The response has the path, or the '
+        'reason of a failure.'
     ),
     '~/reset_calibration': 'Discard the estimated and the loaded calibration, and restart.',
     'set_camera_info': (
@@ -111,11 +121,17 @@ CAMERA_SIMULATOR = {
     '~/pose_true': 'The true pose of the board in the frame of the image.',
 }
 
-# Present if apriltag_msgs and tf2_ros are installed; the tables list them always.
+# Present if their packages are installed; the tables list them always.
 OPTIONAL_OF_POSE_NODE = frozenset(
     {
         Endpoint(
             Role.IN, 'detections', 'apriltag_msgs/AprilTagDetectionArray', 'best effort, depth 5'
+        ),
+        Endpoint(
+            Role.IN,
+            'tag_detections',
+            'isaac_ros_apriltag_interfaces/AprilTagDetectionArray',
+            'best effort, depth 5',
         ),
         Endpoint(Role.OUT, '/tf', 'tf2_msgs/TFMessage', 'reliable, depth 100'),
     }

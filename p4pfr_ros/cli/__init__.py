@@ -11,7 +11,7 @@ import os
 import sys
 
 from p4pfr_ros import __version__
-from p4pfr_ros.cli import board, calibrate, demo, estimate
+from p4pfr_ros.cli import board, calibrate, compile_kernels, demo, estimate
 from p4pfr_ros.files.yaml_fields import ConfigError
 
 # As shells report programs ended by SIGINT or SIGPIPE: 128 + the signal's number.
@@ -46,6 +46,6 @@ def _parser() -> argparse.ArgumentParser:
     version = f'p4pfr_ros {__version__}'
     parser.add_argument('--version', action='version', version=version)
     commands = parser.add_subparsers(title='commands', metavar='COMMAND', required=True)
-    for command in (estimate, calibrate, board, demo):
+    for command in (estimate, calibrate, board, compile_kernels, demo):
         command.add_parser(commands)
     return parser

@@ -24,7 +24,7 @@ from p4pfr_ros.cli.arguments import (
     find_images,
     require,
 )
-from p4pfr_ros.cli.terminal import print_table, with_progress
+from p4pfr_ros.cli.terminal import prepare_kernels, print_table, with_progress
 from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.calibration import Calibration, save_calibration
 from p4pfr_ros.files.images import image_or_reason, ImageArray
@@ -115,6 +115,7 @@ def run(arguments: argparse.Namespace) -> int:
         threshold_px=arguments.threshold, seed=arguments.seed, two_sided=arguments.two_sided
     )
     calibration_run = CalibrationRun(load_board(arguments.board), options)
+    prepare_kernels()
     with _source(arguments) as source:
         for named in with_progress(source.images, source.count, prints=arguments.json):
             result = calibration_run.add(named)
@@ -217,7 +218,9 @@ def _write(
             file=sys.stderr,
         )
         return 1
-    save_calibration(arguments.output, calibration)
+    backup = save_calibration(arguments.output, calibration)
+    if backup is not None:
+        print(f'p4pfr: {backup}: the old file, by another program', file=sys.stderr)
     if not arguments.json:
         print(f'{arguments.output}: written')
     return 0

@@ -38,7 +38,7 @@ from p4pfr_ros.cli.arguments import (
     positive,
     require,
 )
-from p4pfr_ros.cli.terminal import print_table, with_progress
+from p4pfr_ros.cli.terminal import prepare_kernels, print_table, with_progress
 from p4pfr_ros.core.cameras.camera_info import MAX_NUMBER
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.detection import detect
@@ -168,12 +168,27 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help='larger images are rejected before they are decoded (default: %(default)g)',
     )
     add('--json', action='store_true', help='print JSON lines instead of a table')
+    _add_camera(parser)
+    add_estimate_option(parser, '--threshold', 'threshold_px', 'PX')
+    add_estimate_option(parser, '--seed', 'seed', 'N')
+    add_estimate_switch(parser, '--two-sided', 'two_sided')
+    _add_priors(parser)
+
+
+def _add_camera(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
     add(
         '--camera',
         type=Path,
         metavar='FILE',
-        help='calibration file (YAML) of the camera, and of the shape of the board: only the '
-        'pose is estimated (default: an unknown camera)',
+        help='calibration file (YAML of ROS, OpenCV or Kalibr) of the camera, and of the shape '
+        'of the board: only the pose is estimated (default: an unknown camera)',
+    )
+    add(
+        '--camera-name',
+        default='',
+        metavar='NAME',
+        help="which camera of --camera, if that is one of Kalibr's chains with several",
     )
     add(
         '--center',
@@ -182,10 +197,6 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         metavar=('X', 'Y'),
         help='principal point, px (default: the image centre)',
     )
-    add_estimate_option(parser, '--threshold', 'threshold_px', 'PX')
-    add_estimate_option(parser, '--seed', 'seed', 'N')
-    add_estimate_switch(parser, '--two-sided', 'two_sided')
-    _add_priors(parser)
 
 
 def _add_priors(parser: argparse.ArgumentParser) -> None:
@@ -214,11 +225,12 @@ def run(arguments: argparse.Namespace) -> int:
         load_board(arguments.board),
         _options(arguments),
         tuple(arguments.center) if arguments.center else None,
-        load_calibration(arguments.camera) if arguments.camera else None,
+        _calibration(arguments),
     )
     paths = find_images(arguments.images)
     if arguments.draw:
         _prepare_drawing(arguments.draw, paths)
+    prepare_kernels()
     estimates: list[ImageEstimate] = []
     failures: list[FailedImage] = []
     # Only drawings need colour.
@@ -236,6 +248,15 @@ def run(arguments: argparse.Namespace) -> int:
     for failure in failures:
         print(f'p4pfr: {failure.path}: {failure.reason}', file=sys.stderr)
     return int(bool(failures))
+
+
+def _calibration(arguments: argparse.Namespace) -> Calibration | None:
+    if not arguments.camera:
+        return None
+    calibration = load_calibration(arguments.camera, arguments.camera_name)
+    if calibration.assumed:
+        print(f'p4pfr: {arguments.camera}: {calibration.assumed}', file=sys.stderr)
+    return calibration
 
 
 def _options(arguments: argparse.Namespace) -> EstimateOptions:

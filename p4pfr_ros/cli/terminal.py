@@ -1,11 +1,12 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Progress bars and tables, by rich."""
+"""Progress and tables, by rich, and the progress of the compiler."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 import sys
 from typing import Literal, TypeVar
 
@@ -48,6 +49,15 @@ def with_progress(items: Iterable[Item], total: int | None, *, prints: bool) -> 
         redirect_stderr=False,
     ) as progress:
         yield from progress.track(items, total=total, description='images')
+
+
+def prepare_kernels() -> None:
+    """Compile the kernels if they are not stored, in several processes; show the progress."""
+    from p4pfr_ros.kernels.processes import are_compiled, compile_with_progress
+
+    with suppress(OSError, RuntimeError):  # otherwise the first image compiles them
+        if not are_compiled():
+            compile_with_progress()
 
 
 def print_table(

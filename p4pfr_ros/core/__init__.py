@@ -11,7 +11,7 @@ Imports go downward only:
     model        shared by one view and many: observation, lens, priors, noise
     minimal      four points -> pose, focal length, distortion
     cameras      camera models, and the conversions between them
-    geometry, linalg, options, jit
+    geometry, linalg, options, jit, kernel_cache
 
 Start reading at ``one_view.estimate_pose`` and ``many_views.self_calibration``. Inside the kernels
 

@@ -18,11 +18,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.boards import AprilGrid, Board, Bundle, Charuco, Marker, MarkerGrid
-from p4pfr_ros.core.geometry import Array, Ints
+from p4pfr_ros.core.geometry import Array, Ints, Mask
 
 # OpenCV's type stubs cover the classes only. OpenCV 4.6 without contrib has no such module.
 _aruco: Any = getattr(cv2, 'aruco', None)
 _HAS_CLASSES = hasattr(_aruco, 'ArucoDetector')
+# OpenCV drops outlines that touch the border of the image. Since 4.12 it does so after it has
+# grouped each marker with the outlines around it: a sheet of paper that touches the border, of a
+# search window for instance, takes its marker along.
+_DROPS_GROUPS = tuple(int(part) for part in cv2.__version__.split('.')[:2]) >= (4, 12)
 
 # Side of the smallest markers that are searched, pixels. OpenCV's own limit is a share of the
 # image, which loses small markers in large images.
@@ -31,6 +35,8 @@ MIN_MARKER_PX = 14.0
 _MAGNIFY_BELOW_PX = 12.0
 # Perimeter of a tilted marker, in lengths of its side.
 _LEAST_PERIMETER = 2.2
+# A marker whose corner is nearer to the border of the image may be cut by it.
+_MIN_TO_BORDER_PX = 3.0
 
 # The key to name in the error when the dictionary lacks an id of the board. A ChArUco board that
 # begins with id 0 has too many squares.
@@ -160,13 +166,23 @@ def detect_markers(
     else:
         corners, found, quads = _aruco.detectMarkers(grey, codes, parameters=parameters)
     without_code = np.asarray(quads, dtype=np.float64).reshape(-1, 4, 2)
+    without_code = without_code[_are_off_border(without_code, grey.shape)]
     if found is None or len(found) == 0:
         return np.empty((0, 4, 2)), np.empty(0, dtype=np.int64), without_code
     stacked = np.asarray(corners, dtype=np.float64).reshape(-1, 4, 2)
     if _is_upside_down(dictionary):
         stacked = np.roll(stacked, -2, axis=1)
     found = np.asarray(found, dtype=np.int64).ravel()
-    return stacked, np.array(ids, dtype=np.int64)[found] if ids else found, without_code
+    found = np.array(ids, dtype=np.int64)[found] if ids else found
+    off_border = _are_off_border(stacked, grey.shape)
+    return stacked[off_border], found[off_border], without_code
+
+
+def _are_off_border(quads: Array, shape: tuple[int, ...]) -> Mask:
+    """Return which quads (M, 4, 2) px have no corner at the border of an image (h, w)."""
+    last = np.array(shape[::-1]) - 1.0
+    inside = (quads >= _MIN_TO_BORDER_PX) & (quads <= last - _MIN_TO_BORDER_PX)
+    return np.asarray(inside.all(axis=(1, 2)))
 
 
 @lru_cache(maxsize=32)
@@ -182,7 +198,12 @@ def _part_of_dictionary(name: str, ids: tuple[int, ...]) -> Any:
 
 
 def _parameters() -> Any:
-    return _aruco.DetectorParameters() if _HAS_CLASSES else _aruco.DetectorParameters_create()
+    if not _HAS_CLASSES:
+        return _aruco.DetectorParameters_create()
+    parameters = _aruco.DetectorParameters()
+    if _DROPS_GROUPS:
+        parameters.minDistanceToBorder = 0
+    return parameters
 
 
 @lru_cache(maxsize=32)

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.core.geometry import Array, Ints
-from p4pfr_ros.core.jit import kernel, part_of_kernel
+from p4pfr_ros.core.jit import kernel
 from p4pfr_ros.detection.fitting import (
     accept_trial,
     add_up,
@@ -194,7 +194,7 @@ def _shrink(corners: Array, scale: float, shrunk: Array) -> None:
         shrunk[i, 0], shrunk[i, 1] = point_in_square(corners, g, h, across, down)
 
 
-@part_of_kernel
+@kernel
 def _refine_one(
     grey: NDArray[np.uint8],
     cells: NDArray[np.bool_],
@@ -247,7 +247,7 @@ def _write_frames(corners: Array, frames: Array) -> float:
     return shortest_px
 
 
-@part_of_kernel
+@kernel
 def _fit_edges(
     grey: NDArray[np.uint8], count: int, widest: float, unit: Array, scratch: _Scratch
 ) -> bool:
@@ -255,7 +255,8 @@ def _fit_edges(
     samples, p = scratch.samples, scratch.room.parameters[0]
     for i in range(4):
         frame, edge = scratch.frames[i], scratch.edges[i]
-        edge[:] = 0.0
+        for j in range(len(edge)):
+            edge[j] = 0.0
         blur_px, good, outside_px = 0.0, False, math.inf
         length_px = 2.0 * frame[_HALF]
         cell_px = _depth_px(scratch.start, frame, i) / count
@@ -399,7 +400,7 @@ def _start(curve: Array, samples: Array, unit: Array, strip_px: float, p: Array)
     p[5], p[6] = 0.5 * (outer + inner), 0.5 * (outer - inner)
 
 
-@part_of_kernel
+@kernel
 def _fit(samples: Array, cubic: float, iterations: int, converged_px: float, room: Room) -> float:
     """Fit from the initial parameters in ``room``; return the rms residual."""
     parameters, rows, inside, count = room.parameters, room.rows, samples[3], samples.shape[1]

@@ -19,7 +19,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.core.geometry import Array, Mask
-from p4pfr_ros.core.jit import kernel, part_of_kernel
+from p4pfr_ros.core.jit import kernel
 from p4pfr_ros.detection.fitting import (
     accept_trial,
     add_up,
@@ -216,7 +216,7 @@ def _set_contrast(patch: Array, count: int, weight: float, p: Array, shape: Arra
     p[6] = -sigma if correlation < 0.0 else sigma
 
 
-@part_of_kernel
+@kernel
 def _fit(patch: Array, count: int, weight: float, converged_px: float, room: Room) -> float:
     """Fit from the initial parameters in ``room``; return the weighted cost."""
     parameters, rows = room.parameters, room.rows

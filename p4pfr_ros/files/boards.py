@@ -22,7 +22,9 @@ from p4pfr_ros.boards import (
     PlacedMarker,
 )
 from p4pfr_ros.boards.parts import code_family
-from p4pfr_ros.files.yaml_fields import ConfigError, Fields, length_keys, read_yaml
+from p4pfr_ros.files.printable import printable_path, shown
+from p4pfr_ros.files.yaml_fields import ConfigError, Fields, length_keys
+from p4pfr_ros.files.yaml_reading import read_yaml
 
 _TYPES: dict[str, type[Board]] = {
     'chessboard': Chessboard,
@@ -59,7 +61,8 @@ def load_board(path: str | os.PathLike[str]) -> Board:
     boards = load_boards(path)
     if len(boards) != 1:
         raise ConfigError(
-            f'{path}: boards: expected one board, got {len(boards)}: ' + ', '.join(boards)
+            f'{printable_path(path)}: boards: expected one board, got {len(boards)}: '
+            + ', '.join(boards)
         )
     return next(iter(boards.values()))
 
@@ -86,7 +89,7 @@ def load_boards(path: str | os.PathLike[str]) -> dict[str, Board]:
     try:
         return _boards_from(tree)
     except ValueError as error:
-        raise ConfigError(f'{path}: {error}') from None
+        raise ConfigError(f'{printable_path(path)}: {error}') from None
 
 
 def _boards_from(tree: object) -> dict[str, Board]:
@@ -107,7 +110,7 @@ def _boards_from(tree: object) -> dict[str, Board]:
 
 def _board_from(name: object, boards: Fields) -> Board:
     if not isinstance(name, str):
-        raise ValueError(f'{boards.path_of(name)}: expected a word as the name, got {name!r}')
+        raise ValueError(f'{boards.path_of(name)}: expected a word as the name, got {shown(name)}')
     fields = boards.section(name, 'keys such as type')
     kind = _TYPES[fields.choice('type', _TYPES)]
     if kind is AprilGrid:

@@ -7,31 +7,34 @@ Loads and saves calibration files: the YAML of camera_calibration and camera_inf
 ROS reads image size, name, K, model, D, R and P from it. The additional key ``division`` holds
 the division model, its covariance, where the lens was seen, and the shapes of the boards. Other
 programs ignore it, and it may be missing. Files of version 0.1.0, with three terms of the lens
-and square pixels, are loaded too.
+and square pixels, are loaded too, and those of other programs (``camera_formats``).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 import os
+from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
-from p4pfr_ros.core.cameras.camera_info import (
-    CameraInfoModel,
-    COEFFICIENTS,
-    MAX_NUMBER,
-    MIN_FOCAL_PX,
-)
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel, MAX_NUMBER, MIN_FOCAL_PX
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array, Mask
 from p4pfr_ros.core.many_views.results import CameraEstimate, COVERAGE_SHAPE
 from p4pfr_ros.core.model.board_shape import BoardShape, SHAPE_SIZE
 from p4pfr_ros.core.model.lens import LENS_SIZE
-from p4pfr_ros.files.writing import write_atomically
-from p4pfr_ros.files.yaml_fields import ConfigError, Fields, read_yaml
+from p4pfr_ros.files.camera_formats import camera_from
+from p4pfr_ros.files.printable import printable_path, shown
+from p4pfr_ros.files.writing import back_up, write_atomically
+from p4pfr_ros.files.yaml_fields import ConfigError, Fields
+from p4pfr_ros.files.yaml_reading import read_bytes, read_yaml
 import yaml
+
+# The key of what this package adds to ROS's file.
+_DIVISION = 'division'
 
 # Numbers of the division model beside focal length and centre: in every file, and not in those
 # of version 0.1.0.
@@ -67,6 +70,8 @@ class Calibration:
     estimate
         The self-calibrated camera that the model was fitted to; None for a calibration by
         another program.
+    assumed
+        What the file left open, and was assumed, such as the model of the lens; usually empty.
 
     Raises
     ------
@@ -79,6 +84,7 @@ class Calibration:
     camera_name: str
     model: CameraInfoModel
     estimate: CameraEstimate | None = None
+    assumed: str = ''
 
     def __post_init__(self) -> None:
         if tuple(self.image_size) != self.model.image_size:
@@ -99,24 +105,33 @@ class Calibration:
         )
 
 
-def save_calibration(path: str | os.PathLike[str], calibration: Calibration) -> None:
+def save_calibration(path: str | os.PathLike[str], calibration: Calibration) -> Path | None:
     """
     Write a calibration file atomically; missing folders are created.
+
+    A file that another program wrote is kept with .bak appended to its name, and that path is
+    returned.
 
     Raises
     ------
     ConfigError
-        The path is not writable.
+        The path is not writable, or not that of a regular file.
 
     """
     tree = _tree_from(calibration)
     text = yaml.dump(tree, Dumper=_Dumper, sort_keys=False, default_flow_style=None)
+    backup = None if is_missing(path) or _is_ours(path) else back_up(path)
     write_atomically(path, text)
+    return backup
 
 
-def load_calibration(path: str | os.PathLike[str]) -> Calibration:
+def load_calibration(path: str | os.PathLike[str], camera_name: str = '') -> Calibration:
     """
     Load a calibration file, written by this package or another.
+
+    Read are the files of camera_calibration and camera_info_manager, a printed CameraInfo, those
+    of OpenCV's cv::FileStorage, Kalibr's camera chains, and camodocal's. ``camera_name`` selects
+    one of several cameras in a chain, by its key (cam0) or a part of its topic.
 
     Raises
     ------
@@ -126,9 +141,27 @@ def load_calibration(path: str | os.PathLike[str]) -> Calibration:
     """
     tree = read_yaml(path)
     try:
-        return _calibration_from(Fields.of(tree))
+        return _calibration_from(Fields.of(tree), camera_name)
     except ValueError as error:
-        raise ConfigError(f'{path}: {error}') from None
+        raise ConfigError(f'{printable_path(path)}: {error}') from None
+
+
+def is_missing(path: str | os.PathLike[str]) -> bool:
+    """Return whether there is no file; one that cannot be reached is not missing."""
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        return True
+    except (OSError, ValueError):  # reading reports it
+        pass
+    return False
+
+
+def _is_ours(path: str | os.PathLike[str]) -> bool:
+    """Return whether this package wrote a file; an empty one need not be kept either."""
+    data = read_bytes(path)
+    is_ours = re.search(rf'^{_DIVISION}:'.encode(), data, re.MULTILINE) is not None
+    return is_ours or not data.strip()
 
 
 class _Rows(list[str]):
@@ -156,11 +189,11 @@ def _tree_from(calibration: Calibration) -> dict[str, Any]:
         'camera_name': calibration.camera_name,
     }
     if calibration.estimate is not None:
-        tree['division'] = _division_from(calibration.estimate, model)
+        tree[_DIVISION] = _division_from(calibration.estimate, model)
     d = model.coefficients
     # Required keys come last, so that a truncated file lacks them.
     return tree | {
-        'camera_matrix': _matrix_tree(3, 3, (fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)),
+        'camera_matrix': _matrix_tree(3, 3, (fx, model.skew_px, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)),
         'distortion_model': model.distortion_model,
         'distortion_coefficients': _matrix_tree(1, len(d), d),
         'rectification_matrix': _matrix_tree(3, 3, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
@@ -215,28 +248,27 @@ def _matrix_tree(rows: int, cols: int, data: tuple[float, ...]) -> dict[str, Any
     return {'rows': rows, 'cols': cols, 'data': list(data)}
 
 
-def _calibration_from(fields: Fields) -> Calibration:
-    fx, _, cx, _, fy, cy, *_ = _matrix_from(fields, 'camera_matrix', 3, 3)
-    # Unused, but ROS requires both, and a truncated file lacks them.
-    _matrix_from(fields, 'rectification_matrix', 3, 3)
-    _matrix_from(fields, 'projection_matrix', 3, 4)
-    for focal_px in (fx, fy):
-        _check_focal('camera_matrix.data', focal_px)
-    _check_center('camera_matrix.data', cx, cy)
-    image_size = fields.count('image_width'), fields.count('image_height')
-    division = fields.section('division') if 'division' in fields else None
+def _calibration_from(fields: Fields, camera_name: str) -> Calibration:
+    camera = camera_from(fields, camera_name)
+    if _DIVISION not in fields:
+        return Calibration(
+            image_size=camera.model.image_size,
+            camera_name=camera.name,
+            model=camera.model,
+            assumed=camera.assumed,
+        )
+    # This package wrote them, after the other keys: a file without them is truncated.
+    fields.section('distortion_coefficients')
+    division = fields.section(_DIVISION)
     return Calibration(
-        image_size=image_size,
-        camera_name=fields.word('camera_name', 'unknown'),
-        model=CameraInfoModel(
-            *_distortion_from(fields),
-            focal_px=(fx, fy),
-            center_px=(cx, cy),
-            residual_px=division.number('residual_px', low=0.0) if division else 0.0,
-            image_size=image_size,
-            residual_outside_px=_outside_from(division) if division else 0.0,
+        image_size=camera.model.image_size,
+        camera_name=camera.name,
+        model=replace(
+            camera.model,
+            residual_px=division.number('residual_px', low=0.0),
+            residual_outside_px=_outside_from(division),
         ),
-        estimate=_estimate_from(division) if division else None,
+        estimate=_estimate_from(division),
     )
 
 
@@ -255,19 +287,6 @@ def _check_center(path: str, x: float, y: float) -> None:
         raise ValueError(
             f'{path}: expected a centre within {MAX_NUMBER:g} px, got {x:g} and {y:g}'
         )
-
-
-def _distortion_from(fields: Fields) -> tuple[str, tuple[float, ...]]:
-    name = fields.choice('distortion_model', COEFFICIENTS, default='plumb_bob')
-    data = _matrix_from(fields, 'distortion_coefficients', 1, None)
-    counts = {4, 5} if name == 'plumb_bob' else {COEFFICIENTS[name]}
-    if len(data) not in counts:
-        expected = ' or '.join(str(n) for n in sorted(counts))
-        raise ValueError(
-            f'distortion_coefficients.data: expected {expected} numbers for {name}, '
-            f'got {len(data)}'
-        )
-    return name, data
 
 
 def _optional(fields: Fields, key: str) -> float | None:
@@ -335,7 +354,7 @@ def _boards_from(fields: Fields) -> dict[str, BoardShape]:
     boards = fields.section('boards')
     for name in boards.values:
         if not isinstance(name, str):
-            raise ValueError(f'{boards.path}: expected names of boards, got {name!r}')
+            raise ValueError(f'{boards.path}: expected names of boards, got {shown(name)}')
     return {name: _shape_from(boards.section(name)) for name in boards.values}
 
 
@@ -374,18 +393,8 @@ def _is_covariance(matrix: Array) -> bool:
 
 
 def _square_from(fields: Fields, key: str, size: int) -> Array:
-    return np.reshape(_matrix_from(fields, key, size, size), (size, size))
-
-
-def _matrix_from(fields: Fields, key: str, rows: int, cols: int | None) -> tuple[float, ...]:
-    """Return the entries of a matrix, row by row; check its size (cols None: any number)."""
     matrix = fields.section(key)
-    for name, size in (('rows', rows), ('cols', cols)):
-        if size is not None and matrix.values.get(name) != size:
+    for name in ('rows', 'cols'):
+        if matrix.values.get(name) != size:
             raise matrix.error(name, str(size))
-    if cols is not None:
-        return matrix.numbers('data', rows * cols)
-    data = matrix.numbers('data')
-    if matrix.values.get('cols') != len(data):
-        raise matrix.error('cols', f'{len(data)}, the length of data')
-    return data
+    return np.reshape(matrix.numbers('data', size * size), (size, size))

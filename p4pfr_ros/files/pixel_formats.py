@@ -24,6 +24,7 @@ from p4pfr_ros.files.images import (
     Unreadable,
 )
 from p4pfr_ros.files.levels import to_eight_bits
+from p4pfr_ros.files.printable import shown
 
 __all__ = ['Unreadable', 'image_from_compressed_fields', 'image_from_fields']
 
@@ -115,7 +116,8 @@ def image_from_fields(
     if encoding is None:
         return Unreadable(
             'encoding',
-            f'image: unknown encoding {msg.encoding!r}, expected one of {", ".join(_ENCODINGS)}',
+            f'image: unknown encoding {shown(msg.encoding)}, '
+            f'expected one of {", ".join(_ENCODINGS)}',
         )
     unreadable = _layout_error(msg, encoding, how)
     if unreadable is not None:
@@ -140,7 +142,7 @@ def image_from_compressed_fields(
     """Decode a CompressedImage: a JPEG, PNG or another file that ``decode_image`` reads."""
     image = decode_image(bytes(msg.data), how)
     if isinstance(image, Unreadable):
-        return Unreadable(image.cause, f'image: {image.reason} (format {msg.format!r})')
+        return Unreadable(image.cause, f'image: {image.reason} (format {shown(msg.format)})')
     return image
 
 

@@ -1,75 +1,27 @@
 # Copyright 2026 p4pfr_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""
-Strict reading of YAML files: checked values, and errors that name the key.
-
-`read_yaml` parses a file; `Fields` checks the type, range and unit of each value in it.
-"""
+"""Checked values of a mapping from a YAML file: type, range and unit; errors name the key."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 import difflib
 import math
-import os
-from pathlib import Path
 from typing import Any
 
-import yaml
+from p4pfr_ros.files.printable import printable, shown
 
-_MERGE = 'tag:yaml.org,2002:merge'
+_MAX_KEY, _MAX_MESSAGE = 40, 1000
 _PER_METRE = {'m': 1.0, 'mm': 1000.0}
-_MAX_SHOWN = 40
 
 
 class ConfigError(Exception):
     """A user's file, option or parameter is wrong. One line: where, expected, got."""
 
-
-def read_yaml(path: str | os.PathLike[str]) -> object:
-    """
-    Parse a YAML file; a repeated key is an error.
-
-    Raises
-    ------
-    ConfigError
-        The file is unreadable or not valid YAML.
-
-    """
-    try:
-        with Path(path).open(encoding='utf-8') as file:
-            return yaml.load(file, Loader=_StrictLoader)
-    except OSError as error:
-        raise ConfigError(f'{path}: expected a readable file: {error.strerror}') from None
-    except UnicodeDecodeError:
-        raise ConfigError(f'{path}: expected text in UTF-8') from None
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        line = f', line {mark.line + 1}' if mark else ''
-        raise ConfigError(f'{path}{line}: expected YAML: {error.problem}') from None
-    except (yaml.YAMLError, ValueError) as error:  # ValueError: an impossible date, for example
-        raise ConfigError(f'{path}: expected YAML: {" ".join(str(error).split())}') from None
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """A safe loader that rejects repeated keys; YAML keeps the last value silently."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen: set[Hashable] = set()
-        for key_node, _ in node.value:
-            if key_node.tag == _MERGE:
-                continue  # merged values may be overridden
-            key = self.construct_object(key_node, deep=True)
-            if not isinstance(key, Hashable):
-                continue  # super() rejects it
-            if key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f'duplicate key {key!r}', key_node.start_mark
-                )
-            seen.add(key)
-        return super().construct_mapping(node, deep)
+    def __init__(self, message: str) -> None:
+        super().__init__(printable(message, _MAX_MESSAGE))
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +49,7 @@ class Fields:
         """Wrap a value, which must be a mapping."""
         if not isinstance(value, dict):
             where = f'{path}: ' if path else ''
-            raise ValueError(f'{where}expected {expected}, got {_shown(value)}')
+            raise ValueError(f'{where}expected {expected}, got {shown(value)}')
         return cls(value, path)
 
     def __contains__(self, key: str) -> bool:
@@ -105,11 +57,12 @@ class Fields:
 
     def path_of(self, key: object) -> str:
         """Return the dotted path of a key."""
-        return f'{self.path}.{key}' if self.path else str(key)
+        name = printable(str(key), _MAX_KEY)
+        return f'{self.path}.{name}' if self.path else name
 
     def error(self, key: object, expected: str, hint: str = '') -> ValueError:
         """Make the error for a key whose value is wrong or missing."""
-        got = _shown(self.values[key]) if key in self.values else 'none'
+        got = shown(self.values[key]) if key in self.values else 'none'
         return ValueError(f'{self.path_of(key)}: expected {expected}, got {got}{hint}')
 
     def reject_unknown(self, known: Collection[str], aliases: Collection[str] = ()) -> None:
@@ -138,15 +91,6 @@ class Fields:
         if not isinstance(value, str) or value not in known:
             hint = _suggestion(value, known)
             raise self.error(key, f'one of {", ".join(known)}', hint)
-        return value
-
-    def word(self, key: str, default: str) -> str:
-        """Return a word; an integer counts as one."""
-        value = self.values.get(key, default)
-        if isinstance(value, int) and not isinstance(value, bool):
-            value = str(value)
-        if not isinstance(value, str) or not value:
-            raise self.error(key, 'a word')
         return value
 
     def count(self, key: str) -> int:
@@ -217,11 +161,3 @@ def _number(value: object) -> float | None:
 def _suggestion(word: object, known: Collection[str]) -> str:
     near = difflib.get_close_matches(str(word), known, n=1)
     return f' (did you mean {near[0]}?)' if near else ''
-
-
-def _shown(value: object) -> str:
-    """Return a value as text for an error message."""
-    if value is None:
-        return 'nothing'
-    text = repr(value)
-    return text if len(text) <= _MAX_SHOWN else f'{text[:_MAX_SHOWN]}...'

@@ -10,10 +10,11 @@ import time
 from typing import Any
 
 import cv2
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 from p4pfr_ros.detection import detect, Detection
 from p4pfr_ros.files.images import Decoding
+from p4pfr_ros.kernels.warm_up import warm_up_detection
 from p4pfr_ros.report.drawing import annotate
 from rclpy.clock import Clock, ClockType
 from rclpy.logging import LoggingSeverity
@@ -34,9 +35,9 @@ from .parameters.image_node_options import DetectorNodeOptions, ImageTopicOption
 from .runtime.endpoints import advertise, has_subscribers
 from .runtime.following import FollowingSubscription
 from .runtime.image_health import ImageHealth
+from .runtime.kernel_start import KernelStart
 from .runtime.rejections import CauseLog, Rejected
 from .runtime.spin import run
-from .runtime.warm_up import warm_up_detection
 
 # Period of /diagnostics.
 _PERIOD_S = 1.0
@@ -71,10 +72,10 @@ class DetectorNode(Node):  # type: ignore[misc]
         self._annotated = advertise(self, Image, '~/image_annotated')
         self._diagnostics = advertise(self, DiagnosticArray, '/diagnostics')
         self._health = ImageHealth(time.monotonic())
-        warm_up_detection()  # no image waits for the compiler
+        self._kernels = KernelStart(self, warm_up_detection)  # no image waits for the compiler
         self._images = self._subscribed(options.image)
         self.create_timer(_PERIOD_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.get_logger().info('ready')
+        self._kernels.when_ready(lambda: self.get_logger().info('ready'))
 
     def _subscribed(self, image: ImageTopicOptions) -> FollowingSubscription:
         # Depth 1: if images arrive faster than they are processed, the newest is the useful one.
@@ -120,12 +121,17 @@ class DetectorNode(Node):  # type: ignore[misc]
             publishers=self._images.publisher_count,
             rejections=self._rejections.counts,
         )
+        if self._kernels.pending:
+            status.level, status.message = DiagnosticStatus.WARN, self._kernels.pending
         status.name = f'{self.get_fully_qualified_name()[1:]}: images'
         status.hardware_id = self._frame_id
         header = Header(stamp=self.get_clock().now().to_msg())
         self._diagnostics.publish(DiagnosticArray(header=header, status=[status]))
 
     def _process(self, header: Header, image: ImageArray | Rejected) -> None:
+        pending = self._kernels.pending
+        if pending:  # interpreted, an image would take minutes
+            image = Rejected('compiling', pending)
         if isinstance(image, Rejected):
             self._rejections.add(image)
             return

@@ -25,9 +25,10 @@ class LifecyclePoseNode(LifecycleNode):  # type: ignore[misc]
     """
     Creates, starts, stops and destroys the pose pipeline on request.
 
-    Parameters are declared at once. Configure loads the files, creates publishers and services
-    and compiles the kernels; activate subscribes, deactivate unsubscribes; cleanup destroys
-    everything, including a calibration that was not saved.
+    Parameters are declared at once; those that are read-only in pose_node can be changed while the
+    node is unconfigured. Configure loads the files, creates publishers and services and loads
+    the kernels; activate subscribes, deactivate unsubscribes; cleanup destroys everything,
+    including a calibration that was not saved; ``save_when_calibrated`` saves it before.
 
     Parameters
     ----------
@@ -38,10 +39,15 @@ class LifecyclePoseNode(LifecycleNode):  # type: ignore[misc]
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__('lifecycle_pose_node', **node_options)
-        self._config = Parameters(self, PoseNodeOptions())
+        self._config = Parameters(self, PoseNodeOptions(), managed=True)
         self._pipeline: PosePipeline | None = None
         self._was_activated = False
         self.get_logger().info('ready to be configured')
+
+    def destroy_node(self) -> None:
+        """Destroy the pipeline, if there is one, and the node."""
+        self._destroy_pipeline()
+        super().destroy_node()
 
     def on_configure(self, _: LifecycleState) -> TransitionCallbackReturn:
         """Create the pipeline; fails with a line in the log if the configuration is invalid."""

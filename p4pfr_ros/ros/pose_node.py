@@ -31,7 +31,12 @@ class PoseNode(Node):  # type: ignore[misc]
         super().__init__('pose_node', **node_options)
         self._pipeline = PosePipeline(self, Parameters(self, PoseNodeOptions()))
         self._pipeline.start()
-        self.get_logger().info('ready')
+        self._pipeline.when_ready(lambda: self.get_logger().info('ready'))
+
+    def destroy_node(self) -> None:
+        """Save the calibration if that is an option, and destroy the node."""
+        self._pipeline.close()
+        super().destroy_node()
 
 
 def main(args: Sequence[str] | None = None) -> None:

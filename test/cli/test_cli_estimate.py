@@ -10,6 +10,7 @@ import numpy as np
 from p4pfr_ros import (
     BoardShape,
     CameraEstimate,
+    CameraInfoModel,
     detect,
     DivisionCamera,
     estimate_pose,
@@ -118,6 +119,32 @@ def test_a_given_camera_and_the_shape_of_its_board_are_used(scenes, tmp_path, ca
     with pytest.raises(SystemExit):
         estimate(scenes / 'a.png', *given, '--center', 319.5, 239.5)
     assert '--camera excludes --center' in capsys.readouterr().err
+
+
+def test_a_camera_of_kalibr_is_used(scenes, tmp_path, capsys):
+    """Selected by its topic; what the file leaves open is said."""
+    left, right = (
+        f'{{intrinsics: [{FOCAL_PX}, {FOCAL_PX}, 319.5, {y}], resolution: [640, 480], '
+        f'distortion_coeffs: [-0.2, 0.1, 0, 0], rostopic: /{name}/image}}'
+        for name, y in (('left', 10.0), ('right', 239.5))
+    )
+    (tmp_path / 'chain.yaml').write_text(f'cam0: {left}\ncam1: {right}\n')
+    given = ('--json', '--camera', tmp_path / 'chain.yaml')
+    assert estimate(scenes / 'a.png', *given, '--camera-name', 'right') == 0
+    out, err = capsys.readouterr()
+    assert 'no distortion_model: taken as plumb_bob' in err
+    points = detect(read_image(scenes / 'a.png'), load_board(CHESSBOARD))
+    expected = estimate_pose(
+        points.image_points,
+        points.board_points,
+        camera=CameraInfoModel(
+            'plumb_bob', (-0.2, 0.1, 0, 0), (FOCAL_PX,) * 2, (319.5, 239.5), 0.0, (640, 480)
+        ),
+    ).model.camera_from_board
+    position_m = json.loads(out)['position_m']
+    assert position_m == pytest.approx(expected.translation.tolist(), abs=1e-12)
+    assert estimate(scenes / 'a.png', *given) == 1
+    assert 'got cam0, cam1: set camera_name' in capsys.readouterr().err
 
 
 def test_table_has_a_row_for_each_image(scenes, capsys):

@@ -34,6 +34,26 @@ def test_an_image_of_a_markers_cells_is_detected(name):
     np.testing.assert_allclose(corners[0], expected, atol=1.5)
 
 
+@pytest.mark.parametrize('white_px', [10, 20])
+@pytest.mark.parametrize('grey_px', [1, 2])
+def test_a_sheet_that_touches_the_border_does_not_take_its_marker_along(white_px, grey_px):
+    """The outlines of marker and sheet are a group to OpenCV, which it drops with the sheet."""
+    cells = marker_cells('DICT_APRILTAG_36h11', 17)
+    image = np.pad(enlarged(cells, 10, white_px), grey_px, constant_values=110)
+    corners, ids, _ = detect_markers(image, 'DICT_APRILTAG_36h11')
+    assert ids.tolist() == [17]
+    np.testing.assert_allclose(corners[0][0], white_px + grey_px - 0.5, atol=1.5)
+
+
+def test_a_marker_that_touches_the_border_is_not_reported():
+    """The border may cut it."""
+    image = enlarged(marker_cells(DICTIONARY, 17), 10, 2)
+    for shown in (image, image[4:, 4:]):
+        corners, ids, quads = detect_markers(np.ascontiguousarray(shown), DICTIONARY)
+        assert (len(corners), len(ids)) == (0, 0)
+        assert (quads >= 3.0).all()
+
+
 def test_cells_have_a_black_border_around_the_code():
     cells = marker_cells(DICTIONARY, 0)
     assert cells.shape == (6, 6)

@@ -10,67 +10,26 @@ are no fixed sleeps: a peer spins until a condition holds.
 
 from __future__ import annotations
 
+from contextlib import suppress
 import os
-from pathlib import Path
-import signal
-import subprocess
-import sys
 import time
 import warnings
 
+from node_process import NodeProcess, stop_all, TIMEOUT_S
 import pytest
 
-with warnings.catch_warnings():
-    # The parser of message files in the ROS wheels imports a deprecated module.
+with warnings.catch_warnings(), suppress(ImportError):
+    # The parser of message files in the ROS wheels imports a deprecated module. A ROS that is
+    # installed from packages may not have it.
     warnings.simplefilter('ignore', DeprecationWarning)
     import rosidl_generator_py  # noqa: F401
 
+from p4pfr_ros.kernels.processes import are_compiled, compile_all
 import p4pfr_ros.ros  # noqa: F401  (names the ament index)
 import rclpy
 from rclpy.qos import QoSProfile
 
-TIMEOUT_S = 40.0
 RETRY_S = 3.0
-
-
-class NodeProcess:
-    """One of our nodes as a process, with its output."""
-
-    def __init__(self, name, namespace, log, parameters=(), params_file=None, remaps=()):
-        self.name = name
-        self._log = Path(log)
-        command = [sys.executable, '-m', f'p4pfr_ros.ros.{name}', '--ros-args']
-        command += ['-r', f'__ns:={namespace}']
-        for remap in remaps:
-            command += ['-r', remap]
-        if params_file is not None:
-            command += ['--params-file', str(params_file)]
-        for key, value in dict(parameters).items():
-            command += ['-p', f'{key}:={value}']
-        with self._log.open('wb') as stream:
-            self.process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=stream, stderr=subprocess.STDOUT
-            )
-
-    @property
-    def output(self):
-        """The output of the process."""
-        return self._log.read_text(errors='replace')
-
-    def stop(self, number=signal.SIGINT):
-        """Send a signal; return the exit status."""
-        if self.process.poll() is None:
-            self.process.send_signal(number)
-        return self.wait()
-
-    def wait(self):
-        """Wait until it exits; return the exit status."""
-        try:
-            return self.process.wait(TIMEOUT_S)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-            raise
 
 
 class Peer:
@@ -84,12 +43,20 @@ class Peer:
 
     def start(self, name, **options):
         """Start a node in our namespace and wait until it logs that it is ready."""
-        log = self._folder / f'{name}_{len(self.processes)}.log'
-        process = NodeProcess(name, self.namespace, log, **options)
-        self.processes.append(process)
-        self.until(lambda: process.process.poll() is not None or 'ready' in process.output)
-        assert process.process.poll() is None, process.output
+        [process] = self.start_all({name: options})
         return process
+
+    def start_all(self, options):
+        """Start nodes at the same time, by name and options; wait until all are ready."""
+        started = []
+        for name, of_node in options.items():
+            log = self._folder / f'{name}_{len(self.processes)}.log'
+            started.append(NodeProcess(name, self.namespace, log, **of_node))
+            self.processes.append(started[-1])
+        for node in started:
+            self.until(lambda n=node: n.process.poll() is not None or 'ready' in n.output)
+            assert node.process.poll() is None, node.output
+        return started
 
     def publisher(self, message_type, topic, depth=50):
         """Create a reliable publisher."""
@@ -141,10 +108,16 @@ class Peer:
         return '\n'.join(f'--- {p.name}\n{p.output}' for p in self.processes)
 
     def close(self):
-        """Stop our processes, one by one."""
-        for process in self.processes:
-            process.stop()
+        """Stop our processes."""
+        stop_all(self.processes)
         self.node.destroy_node()
+
+
+@pytest.fixture(scope='session', autouse=True)
+def _stored_kernels():
+    """Compile the kernels, unless they are stored; otherwise nodes reject the first messages."""
+    if not are_compiled():
+        compile_all(lambda _: None)
 
 
 @pytest.fixture(scope='session')

@@ -15,13 +15,13 @@ import rclpy
 
 pytestmark = pytest.mark.dds
 
-# The nodes and their parameter files.
-NODES = {
-    'pose_node': 'pose_node',
-    'lifecycle_pose_node': 'pose_node',
-    'detector_node': 'detector_node',
-    'camera_simulator': 'camera_simulator',
-}
+# The nodes, their parameter files, and a signal that the launcher passes on.
+NODES = [
+    ('pose_node', 'pose_node', signal.SIGINT),
+    ('lifecycle_pose_node', 'pose_node', signal.SIGTERM),
+    ('detector_node', 'detector_node', signal.SIGTERM),
+    ('camera_simulator', 'camera_simulator', signal.SIGINT),
+]
 
 # The first node on a machine compiles the kernels.
 TIMEOUT_S = 100.0
@@ -36,12 +36,11 @@ def observer(dds):
     node.destroy_node()
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
-@pytest.mark.parametrize('name', NODES)
-def test_a_node_responds_and_exits_cleanly(name, number, observer):
+@pytest.mark.parametrize(('name', 'config', 'number'), NODES)
+def test_a_node_responds_and_exits_cleanly(name, config, number, observer):
     share = Path(get_package_share_directory('p4pfr_ros'))
-    arguments = ['--ros-args', '--params-file', share / f'config/{NODES[name]}.yaml']
-    if NODES[name] != 'pose_node':
+    arguments = ['--ros-args', '--params-file', share / f'config/{config}.yaml']
+    if config != 'pose_node':
         arguments += ['-p', f'board_file:={share}/config/boards/chessboard_9x6_25mm.yaml']
     executable = Path(get_package_prefix('p4pfr_ros'), 'lib', 'p4pfr_ros', name)
     process = subprocess.Popen([executable, *arguments])

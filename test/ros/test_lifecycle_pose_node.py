@@ -87,3 +87,20 @@ def test_an_invalid_file_keeps_it_unconfigured(peer, tmp_path):
     path.write_text(BOARD)
     assert manager.change(Transition.TRANSITION_CONFIGURE)
     assert manager.state() == 'inactive'
+
+
+def test_a_wrong_path_is_corrected_by_parameter(peer, tmp_path):
+    """While the node is unconfigured; then the paths are read-only until cleanup."""
+    right, wrong = tmp_path / 'board.yaml', tmp_path / 'bord.yaml'
+    right.write_text(BOARD)
+    manager = Manager(peer, board_file=wrong)
+    assert not manager.change(Transition.TRANSITION_CONFIGURE)
+    assert f'not configured: {wrong}: ' in manager.node.output
+    set_parameters(peer, {'board_file': str(right), 'camera_name': 'front'}, node=NAME)
+    assert manager.change(Transition.TRANSITION_CONFIGURE)
+    reason = set_parameters(peer, {'board_file': str(wrong)}, node=NAME, rejected=True)
+    assert reason == 'board_file: read-only once the node is configured, until cleanup'
+    assert manager.change(Transition.TRANSITION_CLEANUP)
+    set_parameters(peer, {'board_file': str(wrong)}, node=NAME)
+    assert not manager.change(Transition.TRANSITION_CONFIGURE)
+    assert manager.state() == 'unconfigured'

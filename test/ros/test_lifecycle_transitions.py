@@ -168,6 +168,24 @@ def test_cleanup_removes_the_guard_of_parameters(make):
     assert 'not configured: lifecycle_pose_node: intrinsics.focal_px' in node.logged[-1]
 
 
+def test_a_parameter_that_is_read_only_in_pose_node_says_when_it_can_be_changed(make):
+    """In its description for people, and by an error of one line."""
+    node = make()
+    why = 'read-only once the node is configured, until cleanup'
+    assert node.describe_parameter('board_file').additional_constraints == why
+    name = Parameter('camera_name', value='front')
+    assert node.set_parameters_atomically([name]).successful
+    wrong = node.set_parameters_atomically([Parameter('camera_name', value='../front')])
+    assert wrong.reason == "camera_name: expected letters, digits and _, got '../front'"
+    assert node.trigger_configure() == SUCCESS
+    # With another change, too: nothing is changed then.
+    result = node.set_parameters_atomically([Parameter('enabled', value=False), name])
+    assert (result.successful, result.reason) == (False, f'camera_name: {why}')
+    assert node.get_parameter('enabled').value
+    assert node.trigger_cleanup() == SUCCESS
+    assert node.set_parameters_atomically([name]).successful
+
+
 def test_an_unused_override_is_warned_of_once(make):
     """After the first activate, when all endpoints have been created."""
     unused = 'qos_overrides./managed/corner.subscription.depth'

@@ -3,7 +3,7 @@
 
 """Nodes as processes: start, signals, errors and exit status."""
 
-import os
+from pathlib import Path
 import signal
 import subprocess
 import sys
@@ -16,7 +16,13 @@ from rclpy.parameter_client import AsyncParameterClient
 pytestmark = pytest.mark.dds
 
 BOARD = 'boards: {board: {type: chessboard, columns: 9, rows: 6, square_m: 0.025}}\n'
-NODES = ['pose_node', 'detector_node', 'camera_simulator']
+# The nodes and their parameter files.
+NODES = {
+    'pose_node': 'pose_node',
+    'lifecycle_pose_node': 'pose_node',
+    'detector_node': 'detector_node',
+    'camera_simulator': 'camera_simulator',
+}
 
 
 @pytest.fixture
@@ -29,11 +35,13 @@ def board_file(tmp_path):
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=lambda n: n.name)
 @pytest.mark.parametrize('name', NODES)
-def test_a_signal_exits_cleanly(peer, board_file, name, number):
-    """With status 0 and without a traceback."""
-    parameters = {} if name == 'pose_node' else {'board_file': board_file}
-    node = peer.start(name, parameters=parameters)
+def test_a_node_reads_its_config_file_and_exits_cleanly(peer, board_file, name, number):
+    """config/<node>.yaml has no unknown parameter; on a signal status 0 and no traceback."""
+    config = Path(__file__).parents[2] / f'config/{NODES[name]}.yaml'
+    parameters = {} if NODES[name] == 'pose_node' else {'board_file': board_file}
+    node = peer.start(name, params_file=config, parameters=parameters)
     assert node.stop(number) == 0
+    assert 'unknown parameter' not in node.output
     assert 'Traceback' not in node.output
     assert 'rror' not in node.output
 
@@ -158,15 +166,6 @@ def test_parameter_services_validate_changes(peer):
     assert 'expected one of aruco_cw_from_top_left, apriltag_ccw' in order.reason
     assert 'robust.threshold_px out of range' in threshold.reason
     assert [order.successful, threshold.successful, good.successful] == [False, False, True]
-
-
-@pytest.mark.parametrize('name', NODES)
-def test_a_node_reads_its_config_file(peer, board_file, name):
-    """config/<node>.yaml has no unknown parameter."""
-    config = os.path.join(os.path.dirname(__file__), '../../config', f'{name}.yaml')
-    parameters = {} if name == 'pose_node' else {'board_file': board_file}
-    node = peer.start(name, params_file=config, parameters=parameters)
-    assert 'unknown parameter' not in node.output
 
 
 def test_a_misspelt_parameter_is_warned_of(peer):

@@ -27,8 +27,8 @@ def test_poses_resume_when_detector_and_camera_return(peer):
         'detector_node': board,
         'camera_simulator': board | {'rate_hz': 10.0, 'path.speed': 5.0},
     }
-    pose_node = peer.start('pose_node')
-    others = [peer.start(name, parameters=parameters[name]) for name in parameters]
+    options = {name: {'parameters': values} for name, values in parameters.items()}
+    pose_node, *others = peer.start_all({'pose_node': {}} | options)
     _assert_right(peer, poses, truths)
     for other in others:
         assert other.stop(signal.SIGKILL) == -signal.SIGKILL

@@ -51,7 +51,7 @@ class SelfCalibratingNode:
 
     def _on_set_camera_info(self, request, response):
         self.sent_to_driver.append(request.camera_info)
-        response.success, response.status_message = True, 'written to the camera'
+        response.success, response.status_message = True, 'written\x1b to the camera'
         return response
 
     def process(self, views):
@@ -98,7 +98,7 @@ def test_the_camera_is_calibrated_published_saved_and_loaded(robot):
     robot.process(moving.views(1, 200))
     robot.peer.until(lambda: robot.sent_to_driver)
     robot.peer.until(
-        lambda: 'accepted the calibration: written to the camera' in robot.node.output
+        lambda: 'accepted the calibration: written\\x1b to the camera' in robot.node.output
     )
     assert len(robot.sent_to_driver) == 1
 
@@ -166,3 +166,16 @@ def test_a_disabled_node_publishes_no_pose(robot):
     set_parameters(robot.peer, {'enabled': True})
     robot.process(moving.views(3005, 3006))
     assert robot.call(SetBool, 'set_enabled', data=True).message == 'enabled'
+
+
+def test_the_last_views_are_saved_at_shutdown(robot):
+    """With save_when_calibrated; the log says so."""
+    set_parameters(robot.peer, {'save_when_calibrated': True})
+    robot.call(Trigger, 'reset_calibration')
+    robot.process(moving.views(4000, 4040))
+    robot.peer.until(lambda: robot.node.output.count('saved to ') > 0)
+    robot.process(moving.views(4040, 4045))
+    before, lines = load_calibration(robot.file).estimate, robot.node.output.count('saved to ')
+    assert robot.node.stop(signal.SIGTERM) == 0
+    assert robot.node.output.count('saved to ') == lines + 1
+    assert load_calibration(robot.file).estimate.views > before.views

@@ -64,6 +64,9 @@ class CameraInfoModel:
         Width and height of the full raw image, pixels.
     residual_outside_px
         The same distance where the other camera was not seen, and is an extrapolation itself.
+    skew_px
+        The entry of K between fx and cx: the shift of u for each unit of y in the plane. OpenCV's
+        fisheye calibration writes alpha fx there. image_proc ignores it.
 
     Raises
     ------
@@ -79,15 +82,20 @@ class CameraInfoModel:
     residual_px: float
     image_size: tuple[int, int]
     residual_outside_px: float = 0.0
+    skew_px: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, 'coefficients', self._checked_coefficients())
+        (skew_px,) = finite_numbers((self.skew_px,), 'skew_px')
+        object.__setattr__(self, 'skew_px', skew_px)
         for name in ('focal_px', 'center_px'):
             x, y = as_points(getattr(self, name), name, (2,)).tolist()
             object.__setattr__(self, name, (x, y))
         if not min(self.focal_px) > 0.0:
             raise ValueError(f'focal_px must be > 0, got {self.focal_px}')
         check_magnitudes(self.focal_px, self.center_px)
+        if not abs(skew_px) <= self.focal_px[0]:
+            raise ValueError(f'skew_px must be at most fx = {self.focal_px[0]}, got {skew_px}')
         for name in ('residual_px', 'residual_outside_px'):
             if not getattr(self, name) >= 0.0:
                 raise ValueError(f'{name} must be ≥ 0, got {getattr(self, name)}')
@@ -105,6 +113,7 @@ class CameraInfoModel:
         lens = lens_map(self.distortion_model, self.coefficients)
         flat = lens.distort(points.reshape(-1, 3)).reshape(*points.shape[:-1], 2)
         pixels: Array = flat * self.focal_px + self.center_px
+        pixels[..., 0] += self.skew_px * flat[..., 1]
         return pixels
 
     def unproject(self, points_px: ArrayLike) -> Array:
@@ -115,6 +124,7 @@ class CameraInfoModel:
         """
         pixels = np.asarray(points_px, dtype=np.float64)
         flat = (pixels - self.center_px) / self.focal_px
+        flat[..., 0] -= self.skew_px / self.focal_px[0] * flat[..., 1]
         lens = lens_map(self.distortion_model, self.coefficients)
         return lens.undistort(flat.reshape(-1, 2)).reshape(*pixels.shape[:-1], 3)
 

@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry import Array, Ints, POSE_SIZE, TRANSLATION
-from ..jit import jit, kernel
-from ..linalg import rotate, solve_in_place
+from ..jit import jit, kernel, vectorised_kernel
+from ..linalg import copy_row, rotate, solve_in_place
 from ..model.board_shape import SHAPE_SIZE, SKEW, STRETCH, WARP
 from ..model.lens import (
     CX,
@@ -137,8 +137,9 @@ def adjust(
             trial = fill_blocks(stacked, work.poses, work.common, limit, work)
             lower = trial + _prior_cost(work.common, prior)
         if lower < cost:
-            poses[:] = work.poses
-            common[:] = work.common
+            for v in range(len(poses)):
+                copy_row(work.poses[v], poses[v])
+            copy_row(work.common, common)
             cost, of_points = lower, trial
             damping = max(0.1 * damping, _SMALLEST_DAMPING)
             continue
@@ -213,7 +214,8 @@ def _step(
     if not solve_in_place(system, m):
         return -1.0
     gain = 0.0
-    work.common_step[:] = 0.0
+    for a in range(n):
+        work.common_step[a] = 0.0
     for a in range(m):
         gain += system[a, m] * work.reduced[free[a], n]
         work.common_step[free[a]] = system[a, m]
@@ -341,7 +343,7 @@ def view_block(
     return cost
 
 
-@kernel
+@vectorised_kernel
 def _add_rows(rows: Array, block: Array) -> None:
     """Add JᵀJ and Jᵀr of eight rows to the upper triangle, and to some of the lower."""
     for a in range(8):

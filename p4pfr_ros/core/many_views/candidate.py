@@ -10,7 +10,6 @@ residuals of a view with the fit's camera, and its information about the lens.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 import math
@@ -33,22 +32,25 @@ from .joint_fit import JointFit
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, Pose, POSE_SIZE, TRANSLATION
 from ..jit import jit
-from ..linalg import rotate
+from ..linalg import copy_row, rotate
 from ..model.lens import (
     camera_from_lens,
     CX,
     CY,
-    FOCAL,
     lens_from_camera,
     LENS_SIZE,
     POSE_COLUMNS,
 )
 from ..model.observation import CenteredView, Observation
-from ..model.uncertainty import COV_FOCAL, sigma_at
 from ..one_view.describe import FoundPoses
 from ..one_view.estimate_pose import estimate_observation, search_poses
-from ..one_view.full_estimate import FullViewProblem
-from ..one_view.results import EstimateOptions, PoseEstimate, without_deviations
+from ..one_view.full_estimate import FullViewProblem, Rival, ViewFit
+from ..one_view.results import (
+    EstimateOptions,
+    PoseEstimate,
+    with_unusual_deviations,
+    without_deviations,
+)
 
 # A view agrees without further tests if this share of its points are inliers, and their mean
 # squared error is at most this multiple of its expectation.
@@ -66,11 +68,21 @@ _MODEL_SHARE = 0.5
 _POSE_STEPS = 4
 _POSE_GAIN = 1e-4
 
-# A view contradicts the camera if a camera of its own lowers chi-square by more than what real
-# boards and shutters do (a board of 200 mm that is bowed by 2 mm: up to 90), or by less where its
-# focal length is far from the fit's.
-_IMPOSSIBLE, _NOT_USUAL = 150.0, 20.0
-_FAR, _FAR_SIGMAS = 0.15, 4.0
+# A view may be of a camera that has changed, or its board or shutter deviates more than usual: by
+# this factor, as a board of 200 mm that is bowed by 2 mm. The first explains the view better by so
+# much in chi-square: the view contradicts the camera. (Of 300 views of bowed and stretched boards,
+# rolling shutters and covered boards, none reached 9; at a zoom of 1.3 half of the views do.)
+_UNUSUAL_FACTOR = 4.0
+_CONTRADICTION = 12.0
+
+# How probable a board or shutter that deviates unusually, and a camera that has changed, are
+# beforehand. The latter counts where usual deviations make chi-square larger by so much.
+_UNUSUAL_BOARD, _CHANGED_CAMERA = 0.02, 0.005
+_NOT_USUAL = 6.0
+
+# A view whose chi-square is above its expectation by more may be of a camera that has changed,
+# though the camera explains it: its covariance then includes that.
+_SUSPICIOUS = 15.0
 
 
 def disagrees(excess: float, points: int, fit: JointFit) -> bool:
@@ -82,35 +94,35 @@ class LensContrast(NamedTuple):
     """
     A view with a known camera against the same view with a camera of its own.
 
-    excess: by how much chi-square is larger with the known camera; log_ratio: of the own focal
-    length to the known one, and sigma, its standard deviation.
+    usual_excess, excess: by how much chi-square is larger with the known camera, while board and
+    shutter deviate as usual, or more than that; own: the fit with the camera of its own.
     """
 
+    usual_excess: float
     excess: float
-    log_ratio: float
-    sigma: float
+    own: ViewFit
+
+    def rival(self, scatter: float) -> Rival | None:
+        """
+        Return the camera of its own, as probable as the points make it.
+
+        None if usual deviations explain the view. scatter: that of views of the known camera.
+        """
+        usual_excess, excess = self.usual_excess / scatter, self.excess / scatter
+        if usual_excess < _NOT_USUAL:
+            return None
+        known = math.exp(-0.5 * usual_excess) + _UNUSUAL_BOARD * math.exp(-0.5 * excess)
+        return Rival(self.own, _CHANGED_CAMERA / (_CHANGED_CAMERA + known))
 
 
-def lens_contrast(
-    known: FullViewProblem, row: Array, free: FullViewProblem, rows: Sequence[Array]
-) -> LensContrast:
-    """
-    Compare a known camera with a free one; both with deviations of their usual sizes.
-
-    row, rows: where the fits start.
-    """
-    of_known, of_free = known.best_fit([row]), free.best_fit(rows)
-    variance = min(of_known.numbers.variance, of_free.numbers.variance)
-    limit = known.options.threshold_px**2
+def _excess(known: ViewFit, free: ViewFit, limit: float) -> float:
+    """Return by how much chi-square of one fit is larger than that of another."""
+    variance = min(known.numbers.variance, free.numbers.variance)
     first, second = (
         float(np.minimum(fit.squares, limit).sum()) / variance + fit.numbers.prior_chi2
-        for fit in (of_known, of_free)
+        for fit in (known, free)
     )
-    focal_px = float(of_free.lens[FOCAL])
-    log_ratio = math.log(focal_px / float(of_known.lens[FOCAL]))
-    return LensContrast(
-        first - second, log_ratio, sigma_at(of_free.covariance, COV_FOCAL) / focal_px
-    )
+    return first - second
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +227,16 @@ class Candidate:
             return True
         return not disagrees(evaluated.cost - self.own_cost, len(self.view.image), fit)
 
-    def _problem_with(self, fit: JointFit) -> FullViewProblem:
+    @cached_property
+    def _is_suspicious(self) -> bool:
+        """Whether the residuals are larger than the fit's camera explains."""
+        evaluated = self.evaluated
+        if evaluated is None:
+            return True
+        freedom = 2 * len(self.view.image) - POSE_COLUMNS
+        return evaluated.cost > (freedom + _SUSPICIOUS) * self.fit.variance
+
+    def _problem_with(self, fit: JointFit, options: EstimateOptions) -> FullViewProblem:
         """Return the view with the camera of a fit, of which the covariance is the prior."""
         camera, view = self.camera, self._centered
         if fit is not self.fit:
@@ -228,7 +249,7 @@ class Candidate:
         return FullViewProblem(
             view,
             camera,
-            self.robust,
+            options,
             lens_prior=(mean, covariance),
             noise_px=math.sqrt(fit.posterior_variance),
         )
@@ -248,14 +269,18 @@ class Candidate:
             if pose is not None and camera is not None:
                 lens = [camera.focal_px, camera.k / camera.focal_px]
                 rows.append(np.concatenate([pose[:POSE_SIZE], lens]))
-        return lens_contrast(self._problem_with(self.fit), self.row, free, rows)
+        own_fit, limit = free.best_fit(rows), self.robust.threshold_px**2
+        unusual = with_unusual_deviations(self.robust, _UNUSUAL_FACTOR)
+        usual_excess, excess = (
+            _excess(self._problem_with(self.fit, options).best_fit([self.row]), own_fit, limit)
+            for options in (self.robust, unusual)
+        )
+        return LensContrast(usual_excess, excess, own_fit)
 
-    @cached_property
+    @property
     def contradicts(self) -> bool:
-        """Whether no usual deviation explains the view with the fit's camera, but another does."""
-        contrast = self.contrast
-        is_far = abs(contrast.log_ratio) > max(_FAR, _FAR_SIGMAS * contrast.sigma)
-        return contrast.excess > (_NOT_USUAL if is_far else _IMPOSSIBLE)
+        """Whether no deviation explains the view with the fit's camera, but another camera."""
+        return self.contrast.excess > _CONTRADICTION * self.fit.measured_scatter
 
     def estimate_with(self, fit: JointFit, row: Array) -> PoseEstimate:
         """
@@ -263,11 +288,13 @@ class Candidate:
 
         row: the pose (12,) of the scaled board to start from.
         """
-        problem, known = self._problem_with(fit), self.known
+        problem, known = self._problem_with(fit, self.robust), self.known
         status, iterations, others = known.status, known.iterations, known.rows[1:]
         if not known.rows:
             status, iterations = self.alone.status, self.alone.iterations
-        return problem.estimate_from([row, *others], status, iterations)
+        scatter = self.fit.measured_scatter
+        rival = self.contrast.rival(scatter) if self._is_suspicious else None
+        return problem.estimate_from([row, *others], status, iterations, rival)
 
     def estimate_alone(self) -> PoseEstimate:
         """Estimate from the view alone, its principal point about that of the fit."""
@@ -348,7 +375,7 @@ def _evaluate(
             view_block(points, 0, row, common, limit, rows, block)
             break
         cost = lower
-        row[:] = other
+        copy_row(other, row)
     reduce_view(block, 0.0, solved, equations)
     inliers, total = 0, 0.0
     for i in range(len(squares)):

@@ -148,6 +148,16 @@ def fit_candidates(candidates: Sequence[Candidate], prior: CommonPrior) -> Joint
     return with_lens_terms(best_of(fits), prior, robust.sigma_px)
 
 
+def fit_boards(candidates: Sequence[Candidate], typical: TypicalCamera) -> JointFit:
+    """Fit the same views with the previous camera, and boards of which nothing is known."""
+    fit, robust = candidates[-1].fit, candidates[0].robust
+    views = [board_view(candidate.view, candidate.board, fit.boards) for candidate in candidates]
+    rows = np.array([candidate.row for candidate in candidates])
+    prior = CommonPrior.of_calibration(typical, fit.lens, fit.covariance, len(fit.views))
+    start = Start(rows, fit.common, fit.boards)
+    return fit_views(views, start, fit.terms, prior, robust.sigma_px)
+
+
 def _joined(
     candidate: Candidate,
     fit: JointFit,

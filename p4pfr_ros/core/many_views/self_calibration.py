@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import math
 from typing import Any
 
@@ -20,6 +20,7 @@ from .joint_fit import fit_of_prior, fit_views, JointFit, keyframes_of, Start
 from .keyframes import (
     determines_focal,
     distance_to_views_px,
+    fit_boards,
     fit_candidates,
     is_worth_a_fit,
     marginalised,
@@ -355,7 +356,7 @@ class SelfCalibration:
         evidence = self._changes.evidence(self._fit, self._typical)
         # Bent boards and rolling shutters deviate, too, but a camera of its own explains them
         # hardly better.
-        each = [candidate.contrast.excess for candidate in evidence]
+        each = [candidate.contrast.usual_excess for candidate in evidence]
         # A single view may be an outlier for any reason.
         excess = sum(min(one, _MOST_OF_ONE) for one in each)
         if not excess > _CHANGED_FOCAL:
@@ -365,10 +366,20 @@ class SelfCalibration:
         log_ratio = abs(math.log(fit.lens[FOCAL] / self._fit.lens[FOCAL]))
         differs = excess > _CHANGED or log_ratio > _FOCAL_CHANGE
         as_sharp = fit.variance < _AS_SHARP * self._fit.variance
-        if differs and (as_sharp or np.median(each) > _CHANGED_FOR_SURE):
+        if (
+            differs
+            and (as_sharp or np.median(each) > _CHANGED_FOR_SURE)
+            and not self._boards_explain(evidence, fit)
+        ):
             self._start(None)
             self._accept(fit, prior)
             self._verdict = Verdict.RESTARTED
+
+    def _boards_explain(self, evidence: Sequence[Candidate], changed: JointFit) -> bool:
+        """Return whether boards that are bent explain the views about as well as a new camera."""
+        bent = fit_boards(evidence, self._typical)
+        excess = bent.cost_within(changed.limit) - changed.cost
+        return excess < _CHANGED_FOCAL * min(bent.variance, changed.variance)
 
     @property
     def _prior_of_boards(self) -> CommonPrior:

@@ -90,7 +90,7 @@ from .roots import (
 from .sextic import coefficients, factors, Seven
 from .solution import MAX_SOLUTIONS, ROW_SIZE
 from ..geometry import Array, Ints, TRANSLATION
-from ..jit import inlined, kernel, part_of_kernel
+from ..jit import inlined, part_of_kernel, vectorised_kernel
 from ..linalg import copy_row
 
 # A problem with more splits is left to the kernel of one problem.
@@ -126,7 +126,7 @@ def solve_block(n: int, max_bend: float, rows: Array, count: Ints, block: Block)
             count[sample] = solve_minimal(image, board, max_bend, rows[sample], block.one)
 
 
-@kernel
+@vectorised_kernel
 def _open_cones(group: Array) -> None:
     """Scale the images; find the cones. A problem without one gets the scale 0."""
     for lane in range(LANES):
@@ -156,7 +156,7 @@ def _keep_open(n: int, block: Block) -> int:
     return kept
 
 
-@kernel
+@vectorised_kernel
 def _form_sextics(max_bend: float, group: Array) -> None:
     """Scale the boards, form the factors, and find where k is small enough."""
     for lane in range(LANES):
@@ -267,7 +267,7 @@ def _take_whole(block: Block) -> int:
     return n
 
 
-@kernel
+@vectorised_kernel
 def _describe_whole(work: Array) -> None:
     """Compute the coefficients from the factors."""
     for lane in range(LANES):
@@ -293,7 +293,7 @@ def _take_splits(block: Block) -> int:
     return n
 
 
-@kernel
+@vectorised_kernel
 def _split(work: Array) -> None:
     """Split by de Casteljau's scheme."""
     for lane in range(LANES):
@@ -396,7 +396,7 @@ def _finish_newton(k: int, group: Array) -> None:
         group[TAU * LANES + lane] = tau if feasible else math.inf
 
 
-@inlined
+@vectorised_kernel
 def _newton_steps(group: Array) -> int:
     """Take one step in each lane that needs one; return how many need another."""
     more = 0
@@ -416,7 +416,7 @@ def _newton_steps(group: Array) -> int:
     return more
 
 
-@kernel
+@vectorised_kernel
 def _sort(group: Array) -> None:
     """Sort the values of τ; those without f² > 0 have become infinite."""
     for lane in range(LANES):
@@ -455,7 +455,7 @@ def _solve_group(
                 )
 
 
-@kernel
+@vectorised_kernel
 def _find_poses(group: Array) -> None:
     """Find the solution of one root in each lane, scaled and not."""
     for lane in range(LANES):

@@ -29,6 +29,7 @@ from .least_squares import (
 from .ransac import draw_sample, first_state, RansacWork, smallest_triangles
 from ..geometry import Array, TRANSLATION
 from ..jit import jit
+from ..linalg import copy_row
 from ..minimal.solution import G, H, ROW_SIZE
 
 # Largest number of alternatives.
@@ -89,7 +90,7 @@ def other_optima(
     for _ in range(_SAMPLES):
         state = draw_sample(problem.image, problem.board, smallest, state, work.chosen)
         for s in range(hypotheses(problem, work.chosen, work.rows, work.solver)):
-            work.local[:] = work.rows[s]
+            copy_row(work.rows[s], work.local)
             if _is_new(work.local, best, others, count, _SAME_START_RAD):
                 count = _try_local_row(
                     problem, best, cost, limit, excess, others, costs, count, work
@@ -132,7 +133,7 @@ def _try_local_row(
         and plausible(local, problem)
         and _is_new(local, best, others, count, _SAME_RAD)
     ):
-        others[count] = local
+        copy_row(local, others[count])
         costs[count] = refined_cost
         count += 1
     return count
@@ -166,7 +167,7 @@ def _squared_chord(a: Array, b: Array) -> float:
 @jit
 def _mirror(row: Array, mirrored: Array) -> None:
     """Rotate the board so that its normal n is mirrored in the line of sight v."""
-    mirrored[:] = row
+    copy_row(row, mirrored)
     x, y, z = row[TRANSLATION], row[TRANSLATION + 1], row[TRANSLATION + 2]
     length = math.sqrt(x * x + y * y + z * z)
     x, y, z = x / length, y / length, z / length

@@ -29,6 +29,7 @@ from ..cameras.division import DivisionCamera
 from ..geometry import Array
 from ..jit import jit
 from ..linalg import invert_information
+from ..model.normal_equations import COLUMNS
 from ..model.uncertainty import DEFAULT_SIGMA_PX, noise_variance
 
 # Standard deviation of stretch and skew with the right camera: paper, pixels that are not quite
@@ -128,7 +129,9 @@ def stretched_equations(
 ) -> None:
     """Write JᵀJ and -Jᵀr as ``normal_equations`` does; columns 6 and 7 are stretch and skew."""
     normal = work.normal
-    normal[:, :] = 0.0
+    for a in range(8):
+        for b in range(COLUMNS):
+            normal[a, b] = 0.0
     add_stretched_points(
         row, problem.board, problem.rays, problem.across, limit, work.jacobian, normal
     )

@@ -28,6 +28,7 @@ from .least_squares import (
     free_problem,
     hypotheses,
     known_problem,
+    least_squares_work,
     minimise,
     normal_equations,
     plausible,
@@ -50,6 +51,7 @@ from .results import (
 from ..cameras.division import DivisionCamera
 from ..geometry import Array
 from ..jit import jit
+from ..linalg import copy_row
 from ..minimal.one import workspace
 from ..minimal.solution import G, H, ROW_SIZE, Solution
 from ..model.observation import CenteredView
@@ -395,17 +397,17 @@ def assess(
     ``Summary``.
     """
     work = ransac_work()
-    cost, count, total, variance, dof, stretch = _refined(
-        row, problem, limit, sigma_px, board_scale, steps, arrays, work
-    )
     others = 0
-    if search_others:
+    for attempt in range(2):
+        cost, count, total, variance, dof, stretch = _refined(
+            row, problem, limit, sigma_px, board_scale, steps, arrays, work
+        )
+        if not search_others or attempt > 0:
+            break
         excess = largest_excess(variance, dof, MAX_RATIO)
         others = other_optima(problem, row, cost, limit, excess, arrays.others, arrays.costs, work)
-        if _swap_with_better(row, cost, others, arrays, work):
-            _, count, total, variance, _, stretch = _refined(
-                row, problem, limit, sigma_px, board_scale, steps, arrays, work
-            )
+        if not _swap_with_better(row, cost, others, arrays):
+            break
     return count, total, variance, others, stretch
 
 
@@ -421,10 +423,10 @@ def _refined(
     work: RansacWork,
 ) -> tuple[float, int, float, float, int, tuple[float, float]]:
     """Return cost, number of inliers, their sum, noise variance, its dof, and the stretch."""
-    work.local[:] = row
+    copy_row(row, work.local)
     cost = minimise(work.local, problem, limit, steps, _TOLERANCE, work.refine)
     if plausible(work.local, problem):
-        row[:] = work.local
+        copy_row(work.local, row)
     else:
         cost = truncated_cost(row, problem, limit, math.inf)
     count, total = inliers_of(row, problem, limit, arrays.squares)
@@ -446,9 +448,7 @@ def _refined(
 
 
 @jit
-def _swap_with_better(
-    row: Array, cost: float, others: int, arrays: Assessment, work: RansacWork
-) -> bool:
+def _swap_with_better(row: Array, cost: float, others: int, arrays: Assessment) -> bool:
     """Swap the row with the best of the others if that costs less; return whether it did."""
     best = -1
     for i in range(others):
@@ -456,18 +456,9 @@ def _swap_with_better(
             cost = arrays.costs[i]
             best = i
     if best >= 0:
-        work.local[:] = row
-        row[:] = arrays.others[best]
-        arrays.others[best] = work.local
+        for i in range(len(row)):
+            row[i], arrays.others[best, i] = arrays.others[best, i], row[i]
     return best >= 0
-
-
-@jit
-def refine_wide(row: Array, problem: Problem, wide: float, limit: float) -> None:
-    """Refine a row far from its optimum, at first with a wide limit."""
-    work = ransac_work().refine
-    minimise(row, problem, wide, STEPS, _TOLERANCE, work)
-    minimise(row, problem, limit, STEPS, _TOLERANCE, work)
 
 
 @jit
@@ -477,8 +468,8 @@ def solve_four(problem: Problem, rows: Array) -> int:
 
 
 @jit
-def refine_all(rows: Array, count: int, problem: Problem, costs: Array) -> None:
-    """Refine each row over all points, without outliers; write the costs (count,)."""
-    work = ransac_work()
+def refine_all(rows: Array, count: int, problem: Problem, limit: float, costs: Array) -> None:
+    """Refine each row over the points within the limit, px²; write the costs (count,)."""
+    work = least_squares_work()
     for s in range(count):
-        costs[s] = minimise(rows[s], problem, math.inf, STEPS, _TOLERANCE, work.refine)
+        costs[s] = minimise(rows[s], problem, limit, STEPS, _TOLERANCE, work)

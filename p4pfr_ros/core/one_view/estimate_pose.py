@@ -20,7 +20,6 @@ from .describe import (
     MAX_RATIO,
     PoseSearch,
     refine_all,
-    refine_wide,
     solve_four,
     ViewProblem,
 )
@@ -233,7 +232,8 @@ def _estimate_by_model(
 @functools.lru_cache(maxsize=16)
 def _closest(model: CameraInfoModel) -> DivisionCamera:
     """Return the closest division camera; cached for the next view."""
-    return division_camera_from_model(model)[0]
+    # The rays are exact, so the pixels of a camera without skew may stand for those with skew.
+    return division_camera_from_model(replace(model, skew_px=0.0))[0]
 
 
 def _estimate_from_four(view: ViewProblem) -> PoseEstimate:
@@ -251,7 +251,7 @@ def _estimate_from_four(view: ViewProblem) -> PoseEstimate:
     if count == 0:
         return no_estimate(Status.NO_SOLUTION, 4, 1)
     # All four are inliers: without a prior a free camera fits them exactly.
-    refine_all(rows, count, problem, costs)
+    refine_all(rows, count, problem, math.inf, costs)
     rows, costs = rows[:count], costs[:count]
     if not isinstance(view, FullViewProblem):  # otherwise the full fits are judged
         within = [i for i in range(count) if plausible(rows[i], problem)]
@@ -267,10 +267,10 @@ def _estimate_from_four(view: ViewProblem) -> PoseEstimate:
 def _pose_of_four(view: ViewProblem, problem: Problem, rows: Array) -> PoseEstimate:
     """Estimate with a known camera: start from the closed form, or from weak perspective."""
     costs = np.empty(2)
-    refine_all(rows, len(rows), problem, costs)
+    refine_all(rows, len(rows), problem, math.inf, costs)
     if len(rows) == 0 or not costs[0] < view.options.threshold_px**2:
         rows = weak_perspective_rows(problem.rays, problem.board)
-        refine_all(rows, len(rows), problem, costs)
+        refine_all(rows, len(rows), problem, math.inf, costs)
     if len(rows) == 0:
         return no_estimate(Status.NO_SOLUTION, 4, 1)
     best = rows[np.argmin(costs[: len(rows)])]
@@ -309,7 +309,7 @@ def _other_starts(view: ViewProblem) -> Array:
         return np.empty((0, ROW_SIZE)) if start is None else start[None]
     problem = view.problem()
     rows = weak_perspective_rows(problem.rays, problem.board)
-    refine_all(rows, len(rows), problem, np.empty(len(rows)))
+    refine_all(rows, len(rows), problem, math.inf, np.empty(len(rows)))
     return rows
 
 
@@ -336,7 +336,9 @@ def _typical_start(view: ViewProblem) -> Array | None:
     if not search_best(known, search, row)[1] < math.inf:
         return None
     row[G], row[H] = focal_px, k / focal_px
-    refine_wide(row, typical, search.limit, view.options.threshold_px**2)
+    # Far from the optimum, at first with a wide limit.
+    for limit in (search.limit, view.options.threshold_px**2):
+        refine_all(row[None], 1, typical, limit, np.empty(1))
     return row
 
 

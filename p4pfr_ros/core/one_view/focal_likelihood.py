@@ -47,8 +47,8 @@ def other_focal_excess(
     other[LENS + LOG_FOCAL] += math.log(factor)
     other[TRANSLATION + 2] *= factor
     mean, information = problem.mean.copy(), problem.information.copy()
-    information[LOG_FOCAL, :] = 0.0
-    information[:, LOG_FOCAL] = 0.0
+    for i in range(len(mean)):
+        information[LOG_FOCAL, i] = information[i, LOG_FOCAL] = 0.0
     mean[LOG_FOCAL], information[LOG_FOCAL, LOG_FOCAL] = other[LENS + LOG_FOCAL], _HELD
     held = FullProblem(
         problem.image,

@@ -19,7 +19,7 @@ import math
 from typing import NamedTuple
 
 from ..geometry import Array, TRANSLATION
-from ..jit import inlined, kernel
+from ..jit import inlined, kernel, vectorised_kernel
 from ..minimal.four import Points
 from ..minimal.one import solve_minimal, UNFOLDED, Workspace
 from ..minimal.solution import G, H, load_row, Row, ROW_SIZE
@@ -79,7 +79,7 @@ def squared_error(row: Row, bx: float, by: float, x_px: float, y_px: float) -> f
     return error if error < math.inf else math.inf
 
 
-@kernel
+@vectorised_kernel
 def squared_errors(
     row: Array, board: Array, image: Array, start: int, stop: int, squares: Array
 ) -> None:

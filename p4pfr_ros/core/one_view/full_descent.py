@@ -240,14 +240,14 @@ def improve_start(
     start, other = state.copy(), state.copy()
     cost = math.inf
     for i in range(len(_HALF_FOVS_RAD) + 1):
-        other[:] = start
+        copy_row(start, other)
         set_usual_bends(other, problem)
         if i > 0:
             _set_equidistant(other, problem, _HALF_FOVS_RAD[i - 1])
         lower = descend(other, problem, noise, gate, START_STEPS, 0.0, work).cost
         if lower < cost:
             cost = lower
-            state[:] = other
+            copy_row(other, state)
     set_usual_bends(state, problem)
 
 

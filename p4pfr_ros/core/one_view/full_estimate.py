@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -80,7 +81,7 @@ _FAR_FROM_TYPICAL = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Fit:
+class ViewFit:
     """
     A full fit: state (28,), lens (10,), squared errors (N,), covariance (8, 8), and numbers.
 
@@ -94,6 +95,13 @@ class _Fit:
     covariance: Array
     numbers: FullFit
     penalty: float
+
+
+class Rival(NamedTuple):
+    """The fit of a view with a camera that is not the known one, and how probable it is."""
+
+    fit: ViewFit
+    probability: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,12 +140,13 @@ class FullViewProblem(ViewProblem):
         return self._result(fits, status, iterations, camera_fit)
 
     def estimate_from(
-        self, rows: Sequence[Array], status: Status, iterations: int
+        self, rows: Sequence[Array], status: Status, iterations: int, rival: Rival | None = None
     ) -> PoseEstimate:
         """Return the result of the full fits that start from rows (≥ 14,), at least one."""
-        return self._result(self._fits(rows, self._given(rows[0])), status, iterations)
+        fits = self._fits(rows, self._given(rows[0]))
+        return self._result(fits, status, iterations, rival=rival)
 
-    def _fits(self, rows: Iterable[Array], given: FullProblem) -> list[_Fit]:
+    def _fits(self, rows: Iterable[Array], given: FullProblem) -> list[ViewFit]:
         """
         Return the full fits that start from rows.
 
@@ -153,28 +162,22 @@ class FullViewProblem(ViewProblem):
 
     def _result(
         self,
-        fits: list[_Fit],
+        fits: list[ViewFit],
         status: Status,
         iterations: int,
         camera_fit: CameraFit | None = None,
+        rival: Rival | None = None,
     ) -> PoseEstimate:
         """Return the result of the best of the fits that are possible."""
         n, options = len(self.view.image), self.options
-        if self.camera is None:
-            fits = [fit for fit in fits if self._plausible(fit)]
+        fits, cause = self._possible(fits)
         if not fits:
-            return no_estimate(Status.NO_SOLUTION, n, iterations)
-        if any(fit.numbers.inliers < n for fit in fits):
-            fits = [fit for fit in fits if fit.numbers.inliers >= self.fewest_inliers]
-        if not fits:
-            return no_estimate(Status.NO_CONSENSUS, n, iterations)
-        if not options.two_sided:
-            fits = [fit for fit in fits if not shows_back(fit.state)]
-        if not fits:
-            return no_estimate(Status.SEEN_FROM_BEHIND, n, iterations)
+            return no_estimate(cause, n, iterations)
         ranked = self._ranked(fits)
         best, others = ranked[0][1], [fit for _, fit in ranked[1:]]
         model = self._model(best)
+        if rival:
+            self._include(best, rival.fit, rival.probability)
         observable = self._observable(best, model.camera_from_board)
         if others:
             self._include_alternatives(ranked)
@@ -193,7 +196,20 @@ class FullViewProblem(ViewProblem):
             focal_limits=None if self.camera else _limits_of(best.numbers),
         )
 
-    def best_fit(self, rows: Sequence[Array]) -> _Fit:
+    def _possible(self, fits: list[ViewFit]) -> tuple[list[ViewFit], Status]:
+        """Return the fits that are possible, and why there is none."""
+        cause = Status.NO_SOLUTION
+        if self.camera is None:
+            fits = [fit for fit in fits if self._plausible(fit)]
+        if any(fit.numbers.inliers < len(self.view.image) for fit in fits):
+            cause = Status.NO_CONSENSUS
+            fits = [fit for fit in fits if fit.numbers.inliers >= self.fewest_inliers]
+        if fits and not self.options.two_sided:
+            cause = Status.SEEN_FROM_BEHIND
+            fits = [fit for fit in fits if not shows_back(fit.state)]
+        return fits, cause
+
+    def best_fit(self, rows: Sequence[Array]) -> ViewFit:
         """Return the best of the full fits that start from rows, deviations of usual size."""
         given = self._given(rows[0])
         fits = [self._fit(start, given, widens=False) for start in self._starts(rows)]
@@ -222,7 +238,7 @@ class FullViewProblem(ViewProblem):
 
     def _fit(
         self, start: Array, given: FullProblem, *, widens: bool = True, penalty: float = 0.0
-    ) -> _Fit:
+    ) -> ViewFit:
         view, options = self.view, self.options
         n = len(view.image)
         state, lens, squares = np.empty(STATE_SIZE), np.empty(LENS_SIZE), np.empty(n)
@@ -236,9 +252,9 @@ class FullViewProblem(ViewProblem):
         )
         scale = view.observation.board_scale
         numbers = fit_view(start, given, rules, scale, state, lens, squares, covariance)
-        return _Fit(given, state, lens, squares, covariance, numbers, penalty)
+        return ViewFit(given, state, lens, squares, covariance, numbers, penalty)
 
-    def _plausible(self, fit: _Fit) -> bool:
+    def _plausible(self, fit: ViewFit) -> bool:
         """
         Return whether the camera is within the limits.
 
@@ -255,7 +271,7 @@ class FullViewProblem(ViewProblem):
             and abs(numbers.seen_bend) <= options.max_distortion
         )
 
-    def _ranked(self, fits: list[_Fit]) -> list[tuple[float, _Fit]]:
+    def _ranked(self, fits: list[ViewFit]) -> list[tuple[float, ViewFit]]:
         """
         Return the best fit, and others that explain the view as well and differ from each other.
 
@@ -275,25 +291,29 @@ class FullViewProblem(ViewProblem):
         excess = [(costs[i] - costs[order[0]], fits[i]) for i in order]
         return _different([one for one in excess if one[0] < MAX_RATIO])
 
-    def _include_alternatives(self, ranked: Sequence[tuple[float, _Fit]]) -> None:
+    def _include_alternatives(self, ranked: Sequence[tuple[float, ViewFit]]) -> None:
         """
         Widen the best fit's covariance by the alternatives, as probable as they are, in place.
 
         With the probability pᵢ of an alternative that is off by dᵢ, the second moment about the
         best fit is  C + Σ pᵢ dᵢ dᵢᵀ.
         """
-        best = ranked[0][1]
         weights = np.array([math.exp(-0.5 * excess) for excess, _ in ranked])
-        pose = self._model(best).camera_from_board
         for (_, fit), weight in zip(ranked[1:], weights[1:], strict=True):
-            other = self._model(fit).camera_from_board
-            turn = Pose.unchecked(other.rotation @ pose.rotation.T, np.zeros(3)).rotation_vector
-            off = np.concatenate([other.translation - pose.translation, turn, np.zeros(2)])
-            off[COV_FOCAL] = fit.lens[FOCAL] - best.lens[FOCAL]
-            off[COV_K] = fit.lens[K] - best.lens[K]
-            best.covariance[:] += weight / weights.sum() * np.outer(off, off)
+            self._include(ranked[0][1], fit, weight / weights.sum())
 
-    def _observable(self, fit: _Fit, pose: Pose) -> Observability:
+    def _include(self, best: ViewFit, other: ViewFit, probability: float) -> None:
+        """Widen the covariance of the best fit by another fit, in place."""
+        pose, other_pose = (
+            self.view.observation.pose_from_row(fit.state[:POSE_SIZE]) for fit in (best, other)
+        )
+        turn = Pose.unchecked(other_pose.rotation @ pose.rotation.T, np.zeros(3)).rotation_vector
+        off = np.concatenate([other_pose.translation - pose.translation, turn, np.zeros(2)])
+        off[COV_FOCAL] = other.lens[FOCAL] - best.lens[FOCAL]
+        off[COV_K] = other.lens[K] - best.lens[K]
+        best.covariance[:] += probability * np.outer(off, off)
+
+    def _observable(self, fit: ViewFit, pose: Pose) -> Observability:
         """Return what the view determines; widen the covariance by the likelihood of f."""
         given, focal_px, covariance = fit.given, float(fit.lens[FOCAL]), fit.covariance
         found = observability_of(focal_px, pose.translation, covariance, given.corner_px)
@@ -308,7 +328,7 @@ class FullViewProblem(ViewProblem):
         widen_focal(covariance, focal_px, share)
         return Observability(found.direction, found.distance, True, distortion)
 
-    def _likely_focal_share(self, fit: _Fit) -> float:
+    def _likely_focal_share(self, fit: ViewFit) -> float:
         """
         Return the relative standard deviation of the focal length, from its likelihood too.
 
@@ -332,7 +352,7 @@ class FullViewProblem(ViewProblem):
                 break
         return share
 
-    def _model(self, fit: _Fit) -> Solution:
+    def _model(self, fit: ViewFit) -> Solution:
         camera = self.camera or camera_from_lens(fit.lens, self.view.center_px)
         return Solution(camera, self.view.observation.pose_from_row(fit.state[:POSE_SIZE]))
 
@@ -351,7 +371,7 @@ class FullViewProblem(ViewProblem):
         return FullProblem(view.image, board, view.corner_px, *prior)
 
 
-def _different(ranked: Sequence[tuple[float, _Fit]]) -> list[tuple[float, _Fit]]:
+def _different(ranked: Sequence[tuple[float, ViewFit]]) -> list[tuple[float, ViewFit]]:
     """Return the fits that differ from those before them."""
     kept = [ranked[0]]
     for excess, fit in ranked[1:]:
@@ -360,7 +380,7 @@ def _different(ranked: Sequence[tuple[float, _Fit]]) -> list[tuple[float, _Fit]]
     return kept
 
 
-def _same_pose(fit: _Fit, other: _Fit) -> bool:
+def _same_pose(fit: ViewFit, other: ViewFit) -> bool:
     """Return whether the rotations of two fits are the same."""
     # |A - B| = √8 sin(angle / 2)
     apart = float(np.linalg.norm(fit.state[:9] - other.state[:9]))
@@ -372,7 +392,7 @@ def _asks_for_aspect(numbers: FullFit) -> bool:
     return numbers.aspect_chi2 > _NOT_SQUARE or numbers.prior_chi2 > _UNUSUAL
 
 
-def _focal_share(fit: _Fit) -> float:
+def _focal_share(fit: ViewFit) -> float:
     """Return the relative standard deviation of the focal length."""
     return sigma_at(fit.covariance, COV_FOCAL) / float(fit.lens[FOCAL])
 

@@ -54,7 +54,7 @@ from .full_model import (
 )
 from ..geometry import Array, POSE_SIZE, TRANSLATION
 from ..jit import jit, kernel
-from ..linalg import invert_information
+from ..linalg import copy_row, invert_information
 from ..model.lens import ASPECT, FOCAL, K, POSE_COLUMNS
 from ..model.uncertainty import (
     COV_FOCAL,
@@ -147,7 +147,7 @@ def fit_view(
     state_from(start, start[POSE_SIZE:], problem.corner_px, state)
     variance, dof = _fit_widened(state, problem, rules, work)
     lens_of(state, problem.corner_px, lens)
-    squares[:] = work.squares
+    copy_row(work.squares, squares)
     _public_covariance(state, problem, board_scale, work, covariance)
     corner_rad, _ = half_field(lens, problem.corner_px)
     seen_rad, seen_bend = half_field(lens, farthest_px(problem.image, lens))
@@ -254,9 +254,12 @@ def _fit_widened(
     A view that deviates more than usual (a bent print, a faster motion) then has the covariance
     that its own misfit asks for.
     """
-    variance, dof = _fit(state, problem, rules, SMALLEST_SIGMA_PX**2, work)
-    grown = 1.0
-    for _ in range(_WIDENINGS if rules.widens else 0):
+    variance, dof, grown, widened = SMALLEST_SIGMA_PX**2, 0.0, 1.0, 0
+    while True:
+        variance, dof = _fit(state, problem, rules, variance, work)
+        if not rules.widens or widened == _WIDENINGS:
+            break
+        widened += 1
         total, count = 0.0, 0
         for i in range(DEVIATIONS):
             if problem.sizes[i] > 0.0:
@@ -269,7 +272,6 @@ def _fit_widened(
         for i in range(DEVIATIONS):
             problem.sizes[i] *= growth
             state[DEVIATION + i] /= growth
-        variance, dof = _fit(state, problem, rules, variance, work)
     return variance, dof
 
 
@@ -316,7 +318,7 @@ def _try_other_start(
     write_squares(other, problem, work)
     set_usual_bends(other, problem)
     if chi2_of(other, problem, variance, gate.limit, work) < cost:
-        state[:] = other
+        copy_row(other, state)
     set_usual_bends(state, problem)
 
 
@@ -361,7 +363,7 @@ def _finish(
     if step(state, problem, FIRST_DAMPING, work) >= 0.0:
         write_squares(work.trial, problem, work)
         if chi2_of(work.trial, problem, variance, threshold2, work) < cost:
-            state[:] = work.trial
+            copy_row(work.trial, state)
         else:
             write_squares(state, problem, work)
     return variance, dof
@@ -412,7 +414,8 @@ def _public_covariance(
     m, n = len(problem.active), COVARIANCE_SIZE
     columns, vector = np.zeros((n, m)), np.empty(n)
     for a in range(m):
-        vector[:] = 0.0
+        for i in range(n):
+            vector[i] = 0.0
         parameter = problem.active[a]
         if parameter < POSE_COLUMNS:
             vector[parameter] = 1.0
@@ -421,7 +424,8 @@ def _public_covariance(
             vector[COV_FOCAL], vector[COV_K] = work.lens[FOCAL], 2.0 * work.lens[K]
         elif parameter == LENS_COLUMN + BEND:
             vector[COV_K] = unit
-        columns[:, a] = vector
+        for i in range(n):
+            columns[i, a] = vector[i]
     across = np.zeros((n, m))
     for i in range(n):
         for a in range(m):

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry import Array, Ints, POSE_SIZE, TRANSLATION
-from ..jit import jit, kernel
+from ..jit import jit, kernel, vectorised_kernel
 from ..model import lens as lens_kernels
 from ..model.lens import ASPECT, CX, CY, FOCAL, K, K4, LENS_END, LENS_SIZE, P2, POSE_COLUMNS
 from ..model.prior import BEND_SPREADS, TERM_SPREADS
@@ -333,7 +333,7 @@ def normal_equations(
     return count, total
 
 
-@kernel
+@vectorised_kernel
 def _add_block(block: Array, points: Array) -> None:
     """Add JᵀJ and Jᵀr of eight rows; a loop of constant length over columns is vectorised."""
     for a in range(PARAMETERS):

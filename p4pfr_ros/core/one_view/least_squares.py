@@ -20,7 +20,7 @@ from .free_camera import add_prior, Gates, NO_PRIOR, Prior, prior_cost
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, Ints, TRANSLATION
 from ..jit import jit, kernel
-from ..linalg import invert_information, rotate, solve_in_place
+from ..linalg import copy_row, invert_information, rotate, solve_in_place
 from ..minimal.four import chosen_points
 from ..minimal.one import Workspace
 from ..minimal.solution import G, H, ROW_SIZE
@@ -194,7 +194,9 @@ def truncated_cost(row: Array, problem: Problem, limit: float, enough: float) ->
 def normal_equations(row: Array, problem: Problem, limit: float, work: LeastSquaresWork) -> int:
     """Write JᵀJ and -Jᵀr over the points within the limit to ``work``; return their number."""
     normal = work.normal
-    normal[:, :] = 0.0
+    for a in range(POSE_AND_CAMERA):
+        for b in range(COLUMNS):
+            normal[a, b] = 0.0
     count = add_points(row, problem, limit, work.jacobian, normal)
     add_prior(row, problem.prior, normal)
     for a in range(POSE_AND_CAMERA):
@@ -231,7 +233,7 @@ def minimise(
             lower = truncated_cost(work.trial, problem, limit, cost)
         if lower < cost:
             gain = cost - lower
-            row[:] = work.trial
+            copy_row(work.trial, row)
             moved = True
             cost = lower
             damping = max(0.1 * damping, _SMALLEST_DAMPING)
@@ -282,12 +284,16 @@ def covariance_from(
     normal is JᵀJ by rotation, translation of the scaled board, g, h; with a known camera (six
     unknowns) the rows and columns of focal_px and k are zero. board_scale: see ``Observation``.
     """
-    covariance[:, :] = 0.0
+    for a in range(COVARIANCE_SIZE):
+        for b in range(COVARIANCE_SIZE):
+            covariance[a, b] = 0.0
     invert_information(normal, unknowns, system, covariance)
-    for j in range(COVARIANCE_SIZE):
-        _to_public(covariance[:, j], row, board_scale)
-    for j in range(COVARIANCE_SIZE):
-        _to_public(covariance[j, :], row, board_scale)
+    # T C Tᵀ = T (T C)ᵀ, as C is symmetric: rows are contiguous, columns are not.
+    _rows_to_public(covariance, row, board_scale)
+    for a in range(COVARIANCE_SIZE):
+        for b in range(a):
+            covariance[a, b], covariance[b, a] = covariance[b, a], covariance[a, b]
+    _rows_to_public(covariance, row, board_scale)
     for a in range(COVARIANCE_SIZE):
         for b in range(a + 1):
             mean = 0.5 * variance * (covariance[a, b] + covariance[b, a])
@@ -295,8 +301,10 @@ def covariance_from(
 
 
 @kernel
-def _to_public(v: Array, row: Array, board_scale: tuple[float, float, float]) -> None:
-    """Convert changes of (ω, t of the scaled board, g, h) to those of (t, ω, f, k), in place."""
-    pose_to_public(v, row, board_scale)
-    # k = g h.
-    v[COV_K] = row[H] * v[COV_FOCAL] + row[G] * v[COV_K]
+def _rows_to_public(matrix: Array, row: Array, board_scale: tuple[float, float, float]) -> None:
+    """Convert rows, changes of (ω, t of the scaled board, g, h), to those of (t, ω, f, k)."""
+    for i in range(COVARIANCE_SIZE):
+        v = matrix[i]
+        pose_to_public(v, row, board_scale)
+        # k = g h.
+        v[COV_K] = row[H] * v[COV_FOCAL] + row[G] * v[COV_K]

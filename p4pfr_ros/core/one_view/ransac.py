@@ -41,6 +41,7 @@ from .least_squares import (
 )
 from ..geometry import Array, Ints
 from ..jit import jit, part_of_kernel
+from ..linalg import copy_row
 from ..minimal.block import BLOCK, Block, block_work, LANES, padded, put_sample
 from ..minimal.four import chosen_points
 from ..minimal.lanes import solve_block
@@ -180,7 +181,7 @@ def search_best(problem: Problem, search: Search, best: Array) -> tuple[int, flo
             score = truncated_cost(row, problem, search.limit, cost)
             if not score < cost:
                 continue
-            best[:] = row
+            copy_row(row, best)
             cost = _local_optimum(score, problem, search.limit, best, work)
             inliers = count_within(best, problem, search.limit)
             at_least = search.min_iterations
@@ -252,11 +253,11 @@ def _local_optimum(
 ) -> float:
     """Refine ``best`` in place if that lowers its cost; return the cost."""
     local = work.local
-    local[:] = best
+    copy_row(best, local)
     minimise(local, problem, _WIDE * limit, _WIDE_STEPS, _LOCAL_TOLERANCE, work.refine)
     lower = minimise(local, problem, limit, _LOCAL_STEPS, _LOCAL_TOLERANCE, work.refine)
     if lower < cost and plausible(local, problem):
-        best[:] = local
+        copy_row(local, best)
         return lower
     return cost
 
@@ -360,11 +361,8 @@ def _largest_triangle(points: Array, chosen: Ints) -> float:
 @jit
 def _triangle(points: Array, chosen: Ints, left_out: int) -> float:
     """Return twice the signed area of the triangle of three of four points."""
-    a = points[chosen[(left_out + 1) % 4]]
-    b = points[chosen[(left_out + 2) % 4]]
-    c = points[chosen[(left_out + 3) % 4]]
-    area: float = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-    return area
+    a, b, c = chosen[(left_out + 1) % 4], chosen[(left_out + 2) % 4], chosen[(left_out + 3) % 4]
+    return _signed_area(points, a, b, c)
 
 
 @jit

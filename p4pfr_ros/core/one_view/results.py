@@ -408,6 +408,16 @@ def without_deviations(options: EstimateOptions) -> EstimateOptions:
     return replace(options, **changes)
 
 
+def with_unusual_deviations(options: EstimateOptions, factor: float) -> EstimateOptions:
+    """Return the same options for boards and shutters that deviate more, by a factor."""
+    return replace(
+        options,
+        image_shear=factor * options.image_shear,
+        board_stretch=factor * options.board_stretch,
+        board_bow=factor * options.board_bow,
+    )
+
+
 def no_estimate(status: Status, n: int, iterations: int) -> PoseEstimate:
     """Return the result of a view of n points without a model."""
     return PoseEstimate(

@@ -20,6 +20,7 @@ from .cameras import (
     image_frame_from_msg,
     ImageFrame,
     LARGEST_IMAGE_PX,
+    model_assumption,
     model_from_msg,
 )
 from .correspondences import (
@@ -28,7 +29,11 @@ from .correspondences import (
     correspondences_from_cloud,
     correspondences_from_polygon,
 )
-from .detections import correspondences_from_detections, detection_array_type
+from .detections import (
+    correspondences_from_detections,
+    detection_array_type,
+    isaac_detection_array_type,
+)
 from .images import image_from_compressed, image_from_msg, image_msg
 from .poses import pose_array_msg, pose_from_msg, pose_msg, pose_with_covariance_msg, transform_msg
 
@@ -50,6 +55,8 @@ __all__ = [
     'image_from_compressed',
     'image_from_msg',
     'image_msg',
+    'isaac_detection_array_type',
+    'model_assumption',
     'model_from_msg',
     'pose_array_msg',
     'pose_from_msg',

@@ -16,18 +16,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from p4pfr_ros.core.cameras.camera_info import (
-    CameraInfoModel,
-    COEFFICIENTS,
-    MAX_NUMBER,
-    MIN_FOCAL_PX,
-)
+from p4pfr_ros.core.cameras.camera_info import CameraInfoModel
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.files.k_and_d import assumption, camera_from_k_and_d
+from p4pfr_ros.files.printable import shown
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 from std_msgs.msg import Header
 
-from ..runtime.rejections import Rejected
+from ..runtime.rejections import Notice, Rejected
 
 # Width and height; far beyond any sensor.
 LARGEST_IMAGE_PX = 65535
@@ -102,10 +99,12 @@ def camera_info_from_model_msg(
     Make the CameraInfo of a calibrated camera, for image_proc.
 
     K and P refer to the full raw image, whatever the window and binning of the frame; image_proc
-    converts them to the sent image. P = K, so the rectified image has the scale of the raw image
-    at its centre. Of a barrel lens the rim is cut off: a plane would stretch it without limit.
+    converts them to the sent image. P = K without skew, so the rectified image has the scale of
+    the raw image at its centre. Of a barrel lens the rim is cut off: a plane would stretch it
+    without limit.
     """
     msg = _with_intrinsics(header, frame, model.focal_px, model.center_px)
+    msg.k[1] = model.skew_px  # not in P: the rectified image has none
     msg.distortion_model = model.distortion_model
     msg.d = list(model.coefficients)
     # A window of the raw image is a window of the rectified image too.
@@ -114,37 +113,22 @@ def camera_info_from_model_msg(
 
 
 def model_from_msg(msg: CameraInfo) -> CameraInfoModel | Rejected:
-    """
-    Read the calibrated camera of any driver's CameraInfo.
-
-    A plumb_bob without coefficients means no distortion, as for image_proc.
-    """
+    """Read the calibrated camera of any driver's CameraInfo, as calibration files are read."""
     wrong = _wrong_size(msg)
     if wrong is not None:
         return wrong
     if not np.any(msg.k):
         return Rejected('uncalibrated', 'camera_info: the camera is not calibrated (K = 0)')
-    (fx, skew, cx), (_, fy, cy), last = np.reshape(msg.k, (3, 3)).tolist()
-    if skew != 0.0 or last != [0.0, 0.0, 1.0]:
-        return Rejected(
-            'camera_model',
-            'camera_info: expected K = [fx 0 cx 0 fy cy 0 0 1], '
-            f'got [{" ".join(f"{number:g}" for number in msg.k)}]',
-        )
-    coefficients = tuple(msg.d)
-    if not coefficients and msg.distortion_model == 'plumb_bob':
-        coefficients = (0.0,) * COEFFICIENTS['plumb_bob']
-    numbers = np.array([fx, fy, cx, cy, *coefficients])
-    # What is not finite or not positive has errors of its own.
-    if np.abs(numbers).max() > MAX_NUMBER or 0.0 < min(fx, fy) < MIN_FOCAL_PX:
-        return Rejected('camera_model', 'camera_info: a number in K or D is out of range')
     try:
-        model = CameraInfoModel(
-            msg.distortion_model, coefficients, (fx, fy), (cx, cy), 0.0, (msg.width, msg.height)
-        )
+        return camera_from_k_and_d(msg.k, msg.d, msg.distortion_model, (msg.width, msg.height))
     except ValueError as error:
         return Rejected('camera_model', f'camera_info: {error}')
-    return model
+
+
+def model_assumption(msg: CameraInfo) -> Notice | None:
+    """Return a notice if a CameraInfo leaves open what its coefficients mean."""
+    text = assumption(msg.d, msg.distortion_model)
+    return Notice('no_distortion_model', f'camera_info: {text}') if text else None
 
 
 def camera_info_division_msg(
@@ -174,7 +158,8 @@ def division_camera_from_msg(msg: CameraInfo) -> DivisionCamera:
     if msg.distortion_model != 'division' or len(msg.d) not in (1, 3, 6):
         raise ValueError(
             'expected distortion_model division with D = [k], [k, k2, k3] or '
-            f'[k, k2, k3, k4, p1, p2], got {msg.distortion_model!r} with {len(msg.d)} coefficients'
+            f'[k, k2, k3, k4, p1, p2], got {shown(msg.distortion_model)} with {len(msg.d)} '
+            'coefficients'
         )
     fx, fy = float(msg.k[0]), float(msg.k[4])
     if not (fx > 0.0 and fy > 0.0):

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.boards.conventions import CORNER_ORDERS
 from p4pfr_ros.core.geometry import Array, Ints
+from p4pfr_ros.files.printable import printable
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
@@ -33,6 +34,9 @@ _LARGEST_COORDINATE = 1e7
 # More than any board has. This many points already take some 0.1 s, and the calibration keeps
 # up to 40 views of them by default.
 _MAX_POINTS = 10_000
+
+# Characters of the names of a cloud's fields in the log.
+_MAX_LISTED = 80
 
 _COORDINATES = ('u', 'v', 'board_x', 'board_y')
 _INDICES = ('id', 'board')
@@ -210,7 +214,7 @@ def _layout(
     fields = {name: (offset, datatype) for name, offset, datatype in given}
     for name in _COORDINATES:
         if name not in fields or fields[name][1] not in _FLOATS:
-            got = ', '.join(fields) or 'none'
+            got = printable(', '.join(fields), _MAX_LISTED) or 'none'
             return Rejected(
                 'fields',
                 f'correspondences: expected the fields u, v, board_x, board_y (float32 or '

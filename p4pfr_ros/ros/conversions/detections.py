@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-AprilTagDetectionArray (apriltag_msgs) -> correspondences.
+AprilTagDetectionArray (apriltag_msgs, isaac_ros_apriltag_interfaces) -> correspondences.
 
-Only ``family``, ``id`` and ``corners[4]`` (``x``, ``y`` in px) of each detection are used. Nothing
-here needs the message classes, so the package need not be installed.
+Only ``family``, ``id`` and ``corners[4]`` (``x``, ``y`` in px) of each detection are used, which
+both messages have. Nothing here needs the message classes, so the packages need not be installed.
 
 This module stands alone: unlike a cloud, an array of tags is assigned to several boards.
 """
@@ -22,6 +22,7 @@ from p4pfr_ros.boards import Board, MarkerBoard
 from p4pfr_ros.boards.conventions import CORNER_ORDERS
 from p4pfr_ros.boards.parts import code_family
 from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.files.printable import printable
 
 from .correspondences import checked, Correspondences, wrong_coordinates
 from ..runtime.rejections import Rejected
@@ -42,11 +43,22 @@ def detection_array_type() -> type[Any] | None:
     return AprilTagDetectionArray  # type: ignore[no-any-return]
 
 
+def isaac_detection_array_type() -> type[Any] | None:
+    """Return the message class; None if isaac_ros_apriltag_interfaces is not installed."""
+    try:
+        from isaac_ros_apriltag_interfaces.msg import AprilTagDetectionArray
+    except ImportError:
+        return None
+    return AprilTagDetectionArray  # type: ignore[no-any-return]
+
+
 def correspondences_from_detections(
     msg: Any,
     boards: Mapping[str, Board],
     corner_order: str = 'apriltag_ccw_from_bottom_left',
     pixel_center_px: float = 0.5,
+    *,
+    topic: str = 'detections',
 ) -> list[Correspondences | Rejected]:
     """
     Assign the detected tags to the boards.
@@ -65,6 +77,8 @@ def correspondences_from_detections(
         One of ``CORNER_ORDERS``; the default is AprilTag's, which apriltag_ros publishes.
     pixel_center_px
         Coordinate of the centre of the first pixel; 0.5 in AprilTag's library.
+    topic
+        The topic, for the texts of rejections.
 
     Returns
     -------
@@ -73,22 +87,26 @@ def correspondences_from_detections(
     board, and for a message without anything else.
 
     """
-    detected = _corners_by_marker(msg.detections, CORNER_ORDERS[corner_order], pixel_center_px)
+    order = CORNER_ORDERS[corner_order]
+    detected = _corners_by_marker(msg.detections, order, pixel_center_px, topic)
     results: list[Correspondences | Rejected] = []
     others = dict(detected)
     for index, board in enumerate(boards.values()):
         markers = _markers_of(board)
-        result = _of_board(board, index, markers, detected)
+        result = _of_board(board, index, markers, detected, topic)
         if result is not None:
             results.append(result)
         for marker in markers:
             others.pop(marker, None)
     results += [corners for corners in others.values() if isinstance(corners, Rejected)]
-    return results if results or not msg.detections else [_unknown(msg.detections)]
+    return results if results or not msg.detections else [_unknown(msg.detections, topic)]
 
 
 def _corners_by_marker(
-    detections: Iterable[Any], order: tuple[tuple[float, float], ...], pixel_center_px: float
+    detections: Iterable[Any],
+    order: tuple[tuple[float, float], ...],
+    pixel_center_px: float,
+    topic: str,
 ) -> dict[_Marker, Array | Rejected]:
     """
     Return the corners (4, 2) px, clockwise from the top left, of each marker detected once.
@@ -101,7 +119,7 @@ def _corners_by_marker(
     for detection in detections:
         marker = (_code_family_of(detection.family), detection.id)
         counts[marker] += 1
-        points = _corners_of(detection)
+        points = _corners_of(detection, topic)
         if not isinstance(points, Rejected):
             points = points[clockwise] - pixel_center_px
         if not isinstance(corners.get(marker), Rejected):
@@ -109,15 +127,15 @@ def _corners_by_marker(
     return {m: c for m, c in corners.items() if counts[m] == 1 or isinstance(c, Rejected)}
 
 
-def _corners_of(detection: Any) -> Array | Rejected:
+def _corners_of(detection: Any, topic: str) -> Array | Rejected:
     """Return the corners (4, 2) px of a tag in the order of the message."""
     count = len(detection.corners)
     if count != 4:
         return Rejected(
-            'corner_count', f'detections: expected 4 corners of tag {detection.id}, got {count}'
+            'corner_count', f'{topic}: expected 4 corners of tag {detection.id}, got {count}'
         )
     corners = np.array([(corner.x, corner.y) for corner in detection.corners], dtype=float)
-    return wrong_coordinates(corners, f'detections: tag {detection.id}') or corners
+    return wrong_coordinates(corners, f'{topic}: tag {detection.id}') or corners
 
 
 def _code_family_of(family: str) -> str:
@@ -135,7 +153,11 @@ def _markers_of(board: Board) -> list[_Marker]:
 
 
 def _of_board(
-    board: Board, index: int, markers: list[_Marker], detected: Mapping[_Marker, Array | Rejected]
+    board: Board,
+    index: int,
+    markers: list[_Marker],
+    detected: Mapping[_Marker, Array | Rejected],
+    topic: str,
 ) -> Correspondences | Rejected | None:
     indices, corners = [], []
     for i, marker in enumerate(markers):
@@ -148,14 +170,15 @@ def _of_board(
     if not indices:
         return None
     ids = (4 * np.array(indices)[:, None] + np.arange(4)).ravel()
-    return checked(np.concatenate(corners), board.points[ids], ids, 'detections', index)
+    return checked(np.concatenate(corners), board.points[ids], ids, topic, index)
 
 
-def _unknown(detections: Iterable[Any]) -> Rejected:
-    tags = sorted({f'{detection.family}:{detection.id}' for detection in detections})
+def _unknown(detections: Iterable[Any], topic: str) -> Rejected:
+    families = {(printable(detection.family, 20), detection.id) for detection in detections}
+    tags = sorted(f'{family}:{number}' for family, number in families)
     more = ', ...' if len(tags) > _MAX_LISTED else ''
     return Rejected(
         'unknown_tags',
-        f'detections: no tag ({", ".join(tags[:_MAX_LISTED])}{more}) belongs to a board of '
+        f'{topic}: no tag ({", ".join(tags[:_MAX_LISTED])}{more}) belongs to a board of '
         'board_file, or each was detected more than once',
     )

@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 import signal
+import socket
 from tempfile import TemporaryDirectory
 import time
 
@@ -26,6 +27,7 @@ from p4pfr_ros.files.boards import load_board
 from p4pfr_ros.files.images import write_image
 from p4pfr_ros.files.writing import check_writable
 from p4pfr_ros.files.yaml_fields import ConfigError
+from p4pfr_ros.kernels.processes import are_compiled, compile_with_progress
 from p4pfr_ros.rendering import render
 from p4pfr_ros.report.drawing import annotate, straighten
 from p4pfr_ros.scenes.board_path import SimulatedPath
@@ -37,7 +39,7 @@ from .children import Children
 from .monitor import Monitor
 from .table import Screen
 from .views import DemoView, Errors, median_errors, Record
-from ..runtime.warm_up import warm_up, warm_up_detection
+from ..runtime.spin import init_ros
 
 IMAGE_SIZE = (640, 480)
 # About 110 degrees along the diagonal, so that the distortion is clearly visible.
@@ -52,6 +54,7 @@ DURATION_S = 20.0
 FIRST_VIEW_WITHIN_S = 40.0
 MIN_VIEWS = 50
 IMAGE_FILE = 'demo.png'
+_DISCARD_PORT = 9
 
 # For the median over all views, each estimated from a single image: ten times the measured
 # errors; the latency allows for a busy machine.
@@ -79,13 +82,15 @@ def main(
         console.print('interrupted')
         return 130
     for problem in problems:
-        console.print(f'demo failed: {problem}', style='bold red', markup=False)
+        console.print(f'demo failed: {problem}', style='bold red', markup=False, soft_wrap=True)
     return 1 if problems else 0
 
 
 def _run(console: Console, record: Record, duration_s: float) -> list[str]:
     """Run the nodes for a time and write the image; return the problems."""
     check_writable(Path(IMAGE_FILE))
+    existed = Path(IMAGE_FILE).exists()
+    check_loopback()
     # A domain of its own, so that no other nodes interfere.
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
@@ -101,15 +106,38 @@ def _run(console: Console, record: Record, duration_s: float) -> list[str]:
         return [problem]
     if record.largest is not None:
         write_demo_image(Path(IMAGE_FILE), record.largest, board)
-        console.print(f'{IMAGE_FILE}: an image with the estimate, and undistorted')
+        replaced = ' (replaces the previous one)' if existed else ''
+        console.print(
+            f'wrote {IMAGE_FILE}{replaced}: an image with the estimate, and undistorted',
+            soft_wrap=True,
+        )
     return []
+
+
+def check_loopback() -> None:
+    """
+    Check that the loopback interface is up, as nodes on one machine find each other through it.
+
+    Raises
+    ------
+    ConfigError
+        It is down, as in a network namespace or container that nobody has configured.
+
+    """
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.sendto(b'', ('127.0.0.1', _DISCARD_PORT))
+    except OSError as error:
+        raise ConfigError(
+            f'no connection to 127.0.0.1 ({error.strerror}), which DDS needs: ip link set lo up'
+        ) from None
 
 
 def _compile(console: Console, board: Board) -> None:
     """Compile all kernels once; otherwise each of the three processes would compile them."""
-    console.print('preparing; the first run compiles for some tens of seconds')
-    warm_up()
-    warm_up_detection()
+    console.print('preparing')
+    if not are_compiled():
+        compile_with_progress()
     render(board, CAMERA, SimulatedPath(board, IMAGE_SIZE, 0).at(0.0, CAMERA), IMAGE_SIZE)
 
 
@@ -131,7 +159,7 @@ def _monitor(
     console: Console, children: Children, record: Record, duration_s: float
 ) -> str | None:
     """Receive views for a time; return why that failed, or None."""
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    init_ros(signal_handler_options=SignalHandlerOptions.NO)
     try:
         monitor = Monitor(record)
         with Screen(console, CAMERA) as screen:

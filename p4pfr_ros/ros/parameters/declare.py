@@ -36,6 +36,8 @@ _DECLARED_BY_ROS = ('use_sim_time', 'qos_overrides.', 'start_type_description_se
 
 _NOT_GIVEN = 0.0
 
+_READ_ONLY_IF_MANAGED = 'read-only once the node is configured, until cleanup'
+
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Spec:
@@ -61,8 +63,8 @@ def parameter(
     Make a field of an options dataclass that is a ROS parameter.
 
     Valid numbers are from ``low`` to ``high``, both included; valid texts are the ``choices``, if
-    there are any. A ``read_only`` parameter can only be set when the node starts; any other
-    change takes effect with the next message.
+    there are any. A ``read_only`` parameter can only be set when the node starts, or before a
+    lifecycle node is configured; any other change takes effect with the next message.
     """
     spec = Spec(description, low, high, choices, read_only)
     made: Value = dataclasses.field(default=default, metadata={'spec': spec})
@@ -103,6 +105,16 @@ class Parameters(Generic[Options]):
 
     ``options`` is an immutable snapshot that each change replaces, so it is always consistent.
 
+    Parameters
+    ----------
+    node
+        The node.
+    defaults
+        The options with their defaults.
+    managed
+        Whether the node is a lifecycle node: its read-only parameters can be changed unless it is
+        configured, that is, unless it has a ``guard``.
+
     Raises
     ------
     ConfigError
@@ -110,10 +122,11 @@ class Parameters(Generic[Options]):
 
     """
 
-    def __init__(self, node: Node, defaults: Options) -> None:
-        self._node = node
+    def __init__(self, node: Node, defaults: Options, *, managed: bool = False) -> None:
+        self._node, self._managed = node, managed
         self._check: Callable[[Options], None] | None = None
         self._names = [name for name, _, _ in flattened(defaults)]
+        self._read_only = [name for name, _, spec in flattened(defaults) if spec.read_only]
         try:
             values = {name: self._declare(name, *rest) for name, *rest in flattened(defaults)}
             self.options = replaced(defaults, values)
@@ -127,6 +140,8 @@ class Parameters(Generic[Options]):
     def guard(self, check: Callable[[Options], None] | None) -> None:
         """
         Add a check that depends on the state of the node, for now and for later changes.
+
+        None removes it.
 
         Raises
         ------
@@ -143,7 +158,8 @@ class Parameters(Generic[Options]):
 
     def _declare(self, name: str, default: Any, spec: Spec) -> Any:
         try:
-            return self._node.declare_parameter(name, default, _descriptor(default, spec)).value
+            descriptor = _descriptor(default, spec, self._managed)
+            return self._node.declare_parameter(name, default, descriptor).value
         except ParameterException as error:  # wrong type, or out of range
             is_type = isinstance(error, InvalidParameterTypeException)
             hint = ' (write 1.0, not 1)' if is_type and isinstance(default, float) else ''
@@ -151,8 +167,12 @@ class Parameters(Generic[Options]):
 
     def _validate(self, changes: list[Parameter]) -> SetParametersResult:
         try:
-            new = replaced(self.options, self._ours(changes))
+            ours = self._ours(changes)
+            new = replaced(self.options, ours)
             if self._check is not None:
+                for name in self._read_only:
+                    if name in ours:
+                        raise ConfigError(f'{name}: {_READ_ONLY_IF_MANAGED}')
                 self._check(new)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason=str(error))
@@ -193,9 +213,13 @@ def _rebuilt(options: Any, values: Mapping[str, Any], prefix: str) -> Any:
         raise ConfigError(f'{prefix}{error}') from None
 
 
-def _descriptor(default: Any, spec: Spec) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(description=spec.description, read_only=spec.read_only)
-    if spec.choices:
+def _descriptor(default: Any, spec: Spec, managed: bool) -> ParameterDescriptor:
+    # rclpy itself rejects all changes of a parameter that is declared as read-only.
+    is_read_only = spec.read_only and not managed
+    descriptor = ParameterDescriptor(description=spec.description, read_only=is_read_only)
+    if spec.read_only and managed:
+        descriptor.additional_constraints = _READ_ONLY_IF_MANAGED
+    elif spec.choices:
         descriptor.additional_constraints = 'one of ' + ', '.join(spec.choices)
     if spec.low is not None and spec.high is not None:
         if isinstance(default, int):

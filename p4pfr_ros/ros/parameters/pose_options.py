@@ -127,7 +127,7 @@ class MarkerOptions:
 
 @dataclass(frozen=True, slots=True)
 class DetectionsOptions:
-    """Conventions of the tags on the topic ``detections``; the defaults are apriltag_ros's."""
+    """Conventions of the tags on the topic of that name; the defaults are its detector's."""
 
     corner_order: str = parameter(
         'apriltag_ccw_from_bottom_left',
@@ -188,9 +188,9 @@ class PoseNodeOptions:
     )
     board_file: str = parameter(
         '',
-        'Path of the YAML file with the boards on the topics correspondences and detections; the '
-        'names of the boards are their frames. With several boards, each has its own topics, such '
-        'as ~/NAME/pose. Empty: one board without a name.',
+        'Path of the YAML file with the boards on the topics correspondences, detections and '
+        'tag_detections; the names of the boards are their frames. With several boards, each has '
+        'its own topics, such as ~/NAME/pose. Empty: one board without a name.',
         read_only=True,
     )
     board_frame: str = parameter(
@@ -211,15 +211,20 @@ class PoseNodeOptions:
     calibration_file: str = parameter(
         '',
         'File of the calibration, a path or a file:// URL: loaded at the start if it exists, and '
-        'saved to. Empty: saved to ~/.ros/camera_info/CAMERA_NAME.yaml, as camera_info_manager '
-        'does, and not loaded.',
+        'saved to. Files of camera_calibration, OpenCV and Kalibr are read, too. Empty: saved to '
+        '~/.ros/camera_info/CAMERA_NAME.yaml, as camera_info_manager does, and not loaded.',
         read_only=True,
     )
     camera_name: str = parameter(
-        'camera', 'Name of the camera in the calibration file.', read_only=True
+        'camera',
+        'Name of the camera in the calibration file. Of a file of Kalibr with several cameras, it '
+        'selects one by its key, such as cam1, or a part of its topic.',
+        read_only=True,
     )
     save_when_calibrated: bool = parameter(
-        False, 'Whether the calibration is saved as soon as the camera is calibrated.'
+        False,
+        'Whether the calibration is saved as soon as the camera is calibrated, again whenever a '
+        'standard deviation has fallen by a third, and at shutdown.',
     )
     set_camera_info_service: str = parameter(
         '',
@@ -229,6 +234,7 @@ class PoseNodeOptions:
     )
     marker: MarkerOptions = field(default_factory=MarkerOptions)
     detections: DetectionsOptions = field(default_factory=DetectionsOptions)
+    tag_detections: DetectionsOptions = DetectionsOptions('aruco_cw_from_top_left', 0.0)
     image: ImageOptions = field(default_factory=ImageOptions)
     robust: EstimateOptions = NODE_ESTIMATE
 

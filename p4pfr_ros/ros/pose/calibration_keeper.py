@@ -8,12 +8,19 @@ from __future__ import annotations
 import math
 import os
 from pathlib import Path
+import tempfile
 import time
 from typing import Any
 from urllib.parse import unquote
 
 from p4pfr_ros import CalibrationState, CameraEstimate
-from p4pfr_ros.files.calibration import Calibration, load_calibration, save_calibration
+from p4pfr_ros.files.calibration import (
+    Calibration,
+    is_missing,
+    load_calibration,
+    save_calibration,
+)
+from p4pfr_ros.files.printable import printable, printable_path, shown
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.report.number_format import plus_minus, shape_text
 from rclpy.task import Future
@@ -29,6 +36,9 @@ from ..runtime.rejections import Notice
 
 # Delay before a calibration that could not be saved is saved again.
 _RETRY_S = 60.0
+
+# It is saved again when one of its standard deviations is below this share of the saved one.
+_CLEARLY_BETTER = 2.0 / 3.0
 
 _FILE_URL = 'file://'
 
@@ -77,11 +87,12 @@ class CameraInfoSetter:
     def _on_response(self, future: Future) -> None:
         error = future.exception()
         if error is not None:
-            self._logger.info(f'{self._service} failed: {error}')
+            self._logger.info(f'{self._service} failed: {printable(str(error))}')
             return
         response = future.result()
         result = 'accepted the calibration' if response.success else 'rejected the calibration'
-        detail = f': {response.status_message}' if response.status_message else ''
+        status = printable(response.status_message)
+        detail = f': {status}' if status else ''
         self._logger.info(f'{self._service} {result}{detail}')
 
 
@@ -111,14 +122,19 @@ class CalibrationKeeper:
         self._camera_name = options.camera_name
         self._state: CalibrationState
         self._is_sent: bool
+        self._saved: Calibration | None
         self._restart()
-        self.calibrations = CalibrationBySize(self._load() if options.calibration_file else None)
+        loaded = self._load() if options.calibration_file else None
+        if loaded is not None and loaded.estimate is not None:
+            self._saved = loaded
+        self.calibrations = CalibrationBySize(loaded)
 
     def follow(self, observation: BoardObservation, options: PoseNodeOptions) -> Notice | None:
         """
         After an update: log a new state; once CALIBRATED, send the calibration, and save it.
 
-        Saving is optional; if it fails, a notice is returned, and it is retried after a minute.
+        Saving is optional, and repeated when the camera is clearly better than the saved one. If
+        it fails, a notice is returned, and it is retried after a minute.
         """
         if self.calibrations.restarted:
             self._restart()
@@ -130,7 +146,7 @@ class CalibrationKeeper:
         if self._state is not CalibrationState.CALIBRATED:
             return None
         self._send(observation)
-        return self._save_once() if options.save_when_calibrated else None
+        return self._save_if_better() if options.save_when_calibrated else None
 
     def save(self) -> tuple[bool, str]:
         """Write the file; return whether it succeeded, and a line for people."""
@@ -138,10 +154,21 @@ class CalibrationKeeper:
         if calibration is None or calibration.estimate is None:
             return False, 'nothing to save: the camera has not been estimated yet'
         try:
-            save_calibration(self._path, calibration)
+            backup = save_calibration(self._path, calibration)
         except ConfigError as error:
             return False, str(error)
-        return True, f'saved to {self._path}: {_summary(calibration.estimate)}'
+        self._saved = calibration
+        text = f'saved to {printable_path(self._path)}: {_summary(calibration.estimate)}'
+        if backup is not None:
+            text += f'; the old file, by another program, is now {printable_path(backup)}'
+        return True, text
+
+    def save_at_end(self, options: PoseNodeOptions) -> None:
+        """Save what the last views added to a calibrated camera, before the node ends."""
+        is_calibrated = self.calibrations.state is CalibrationState.CALIBRATED
+        saved = None if self._saved is None else self._saved.estimate
+        if options.save_when_calibrated and is_calibrated and self.calibrations.fused != saved:
+            self._logger.info(self.save()[1])
 
     def reset(self) -> None:
         """Drop the calibration, loaded or estimated, and restart without a camera."""
@@ -150,20 +177,22 @@ class CalibrationKeeper:
 
     def _restart(self) -> None:
         self._state = CalibrationState.UNCALIBRATED
-        # If the state alternates around its limit, the calibration is sent and saved once.
-        self._is_sent = self._is_saved = False
+        # If the state alternates around its limit, the calibration is sent once.
+        self._is_sent = False
+        self._saved = None
         self._retry_s = -math.inf
 
     def _load(self) -> Calibration | None:
-        if not self._path.exists():
+        if is_missing(self._path):
             return None
-        calibration = load_calibration(self._path)
+        calibration, path = load_calibration(self._path, self._camera_name), self._path
+        if calibration.assumed:
+            self._logger.warning(f'{printable_path(path)}: {calibration.assumed}')
         if calibration.estimate is None:
-            self._logger.info(
-                f'{self._path}: loaded for mode fixed only (written by another program)'
-            )
+            what = 'for mode fixed only (written by another program)'
         else:
-            self._logger.info(f'{self._path}: loaded: {_summary(calibration.estimate)}')
+            what = _summary(calibration.estimate)
+        self._logger.info(f'{printable_path(path)}: loaded: {what}')
         return calibration
 
     def _calibration(self) -> Calibration | None:
@@ -183,15 +212,27 @@ class CalibrationKeeper:
                 )
             )
 
-    def _save_once(self) -> Notice | None:
-        if self._is_saved or time.monotonic() < self._retry_s:
+    def _save_if_better(self) -> Notice | None:
+        if time.monotonic() < self._retry_s or not self._is_clearly_better():
             return None
-        self._is_saved, text = self.save()
-        if self._is_saved:
+        saved, text = self.save()
+        if saved:
             self._logger.info(text)
             return None
         self._retry_s = time.monotonic() + _RETRY_S
         return Notice('not_saved', f'save_when_calibrated: {text}')
+
+    def _is_clearly_better(self) -> bool:
+        """Return whether the camera is worth saving, compared with the saved one."""
+        saved, fused = self._saved, self.calibrations.fused
+        if saved is None or saved.estimate is None or fused is None:
+            return True
+        if saved.image_size != self.calibrations.image_size:
+            return True
+        return (
+            fused.focal_sigma_px < _CLEARLY_BETTER * saved.estimate.focal_sigma_px
+            or fused.projection_sigma_px < _CLEARLY_BETTER * saved.estimate.projection_sigma_px
+        )
 
 
 def calibration_path(calibration_file: str, camera_name: str) -> Path:
@@ -204,16 +245,31 @@ def calibration_path(calibration_file: str, camera_name: str) -> Path:
     Raises
     ------
     ConfigError
-        It is a URL of another scheme.
+        It is a URL of another scheme, or begins with ~ and the name of no user.
 
     """
-    ros_home = os.environ.get('ROS_HOME') or str(Path.home() / '.ros')
+    ros_home = os.environ.get('ROS_HOME') or f'{_home()}/.ros'
     given = calibration_file or f'{ros_home}/camera_info/{camera_name}.yaml'
     path = unquote(given.removeprefix(_FILE_URL)) if given.startswith(_FILE_URL) else given
     if '://' in path:
-        raise ConfigError(f'calibration_file: expected a path or a file:// URL, got {given!r}')
+        raise ConfigError(
+            f'calibration_file: expected a path or a file:// URL, got {shown(given)}'
+        )
     expanded = path.replace('${ROS_HOME}', ros_home).replace('${NAME}', camera_name)
-    return Path(expanded).expanduser()
+    try:
+        return Path(expanded).expanduser()
+    except RuntimeError:
+        raise ConfigError(
+            f'calibration_file: expected a path, got {shown(given)}: ~ is unknown, set HOME'
+        ) from None
+
+
+def _home() -> str:
+    """Return the home directory; in a container without one, that of temporary files."""
+    try:
+        return str(Path.home())
+    except RuntimeError:
+        return tempfile.gettempdir()
 
 
 def _summary(estimate: CameraEstimate) -> str:

@@ -26,7 +26,13 @@ from p4pfr_ros.files.calibration import Calibration
 
 from .camera_check import CameraCheck
 from .inputs import BoardObservation, Inputs
-from ..parameters.pose_options import CAMERA_INFO, PER_FRAME, PoseNodeOptions, SELF_CALIBRATE
+from ..parameters.pose_options import (
+    CAMERA_INFO,
+    FIXED,
+    PER_FRAME,
+    PoseNodeOptions,
+    SELF_CALIBRATE,
+)
 from ..runtime.rejections import Notice, Rejected
 
 # An estimate also holds where the lens was seen, and the shapes of the boards.
@@ -78,6 +84,22 @@ class CameraSource:
             return None
         if given.mode == CAMERA_INFO:
             return self._inputs.camera_model()
+        return self._fixed(image_size, options)
+
+    def known(self, image_size: tuple[int, int], options: PoseNodeOptions) -> KnownCamera | None:
+        """Return the camera in use for images of this size, if it is known without a view."""
+        mode = options.intrinsics.mode
+        if mode == SELF_CALIBRATE:
+            return self._calibrations.estimated(image_size)
+        if mode != FIXED:
+            return None
+        camera = self._fixed(image_size, options)
+        return None if isinstance(camera, Rejected) else camera
+
+    def _fixed(
+        self, image_size: tuple[int, int], options: PoseNodeOptions
+    ) -> KnownCamera | Rejected:
+        given = options.intrinsics
         if given.focal_px > 0.0:
             center_px = options.image.center_px(image_size)
             return DivisionCamera(
@@ -262,13 +284,17 @@ class CalibrationBySize:
         self.restarted = True
         return self._notice or _CHANGED
 
-    def known_camera(self, image_size: tuple[int, int]) -> KnownCamera | Rejected:
-        """Return the loaded or estimated camera for images of this size."""
+    def estimated(self, image_size: tuple[int, int]) -> CameraEstimate | None:
+        """Return the estimated camera for images of this size, loaded ones included."""
         if self.image_size == image_size and self.fused is not None:
             return self.fused
-        stored, loaded = self._estimates.get(image_size), self._loaded
-        if stored is not None:
-            return stored
+        return self._estimates.get(image_size)
+
+    def known_camera(self, image_size: tuple[int, int]) -> KnownCamera | Rejected:
+        """Return the loaded or estimated camera for images of this size."""
+        estimated, loaded = self.estimated(image_size), self._loaded
+        if estimated is not None:
+            return estimated
         if loaded is not None and loaded.image_size == image_size:
             return loaded.model
         wrong_size = self._wrong_size(image_size)

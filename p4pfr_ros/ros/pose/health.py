@@ -80,6 +80,7 @@ class HealthReporter:
         self._health = Health(time.monotonic())
         self._calibrations: CalibrationBySize | None = None
         self._publisher = endpoints.advertise(DiagnosticArray, '/diagnostics')
+        self.pending = ''
 
     def received(self, received_s: float) -> None:
         """Record a message with points; the time is of ``time.monotonic``."""
@@ -128,7 +129,7 @@ class HealthReporter:
 
     def publish(self, *, enabled: bool) -> None:
         """Publish /diagnostics if a second has passed, or the status has changed."""
-        self._health.enabled = enabled
+        self._health.enabled, self._health.pending = enabled, self.pending
         now_s = time.monotonic()
         if self._health.due(now_s):
             # What is missing takes longer than a message has time for.
@@ -172,12 +173,13 @@ class Health:
     Records the events of a node and derives its status; it does not use ROS.
 
     Recording an event takes a microsecond or two; numbers are formatted in ``status``. All
-    ``now_s`` are seconds of one steady clock. Set ``enabled`` to the parameter's value, and
-    ``missing`` to the advice of the calibration before ``status``.
+    ``now_s`` are seconds of one steady clock. Before ``status``, set ``enabled`` to the value of
+    the parameter, ``pending`` to what the node waits for, ``missing`` to the calibration's advice.
     """
 
     def __init__(self, now_s: float) -> None:
         self.enabled = True
+        self.pending = ''
         self.missing: tuple[str, ...] = ()
         self.received_count = 0
         self.answered_count = 0
@@ -307,6 +309,8 @@ class Health:
         self._reasons = {k: r for k, r in self._reasons.items() if r.until_s > now_s}
         if not self.enabled:
             return Level.OK, ('disabled',), ['disabled: messages are ignored']
+        if self.pending:
+            return Level.WARN, (self.pending,), [self.pending]
         if self._received_s is None or now_s - self._received_s > STALE_AFTER_S:
             since = 'yet' if self._received_s is None else f'for {STALE_AFTER_S:g} s'
             return Level.STALE, ('stale',), [f'no points received {since}']

@@ -6,16 +6,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import re
 from typing import Any
 
 from geometry_msgs.msg import PolygonStamped
 import numpy as np
 from p4pfr_ros import CameraInfoModel
-from p4pfr_ros.boards import Board
-from p4pfr_ros.core.geometry import Array
+from p4pfr_ros.boards import Board, MarkerBoard
+from p4pfr_ros.core.geometry import Array, Mask
 from p4pfr_ros.files.boards import load_boards
+from p4pfr_ros.files.printable import printable_path, shown
 from p4pfr_ros.files.yaml_fields import ConfigError
 from sensor_msgs.msg import CameraInfo, PointCloud2
 from std_msgs.msg import Header
@@ -27,9 +28,10 @@ from ..conversions import (
     correspondences_from_polygon,
     image_frame_from_msg,
     ImageFrame,
+    model_assumption,
     model_from_msg,
 )
-from ..parameters.pose_options import ImageOptions, PoseNodeOptions
+from ..parameters.pose_options import DetectionsOptions, ImageOptions, PoseNodeOptions
 from ..runtime.rejections import Notice, Rejected
 
 _NO_SIZE = Rejected(
@@ -41,8 +43,9 @@ _NO_CAMERA_INFO = Rejected(
     'no_camera_info', 'intrinsics.mode camera_info: no camera_info received yet'
 )
 
-# A fitted corner may lie this far outside the image.
+# A fitted point may lie this far outside the image; a corner of a tag this share of its side.
 _MARGIN_PX = 2.0
+_MOST_OUTSIDE = 0.5
 
 _NODE = '~'
 _NAMELESS = 'board'
@@ -114,6 +117,16 @@ class BoardObservation:
         stamp = self.header.stamp
         return 1_000_000_000 * int(stamp.sec) + int(stamp.nanosec)
 
+    def part(self, chosen: Mask) -> BoardObservation:
+        """Return the observation of a part (N,) of the points."""
+        points = replace(
+            self.points,
+            image_points=self.points.image_points[chosen],
+            board_points=self.points.board_points[chosen],
+            ids=self.points.ids[chosen],
+        )
+        return replace(self, points=points, image_points=self.image_points[chosen])
+
 
 class Inputs:
     """
@@ -158,23 +171,25 @@ class Inputs:
         points = correspondences_from_polygon(
             msg, marker.size_m, marker.corner_order, marker.pixel_center_px
         )
-        return [self._observation(msg.header, MARKER, points, options)]
+        return tags_in_image(self._observation(msg.header, MARKER, points, options), 'corners')
 
     def from_cloud(
         self, msg: PointCloud2, options: PoseNodeOptions
     ) -> list[BoardObservation | Rejected]:
         """Convert the points of one board."""
-        return [self._of_board(msg.header, correspondences_from_cloud(msg), options)]
+        return [in_image(self._of_board(msg.header, correspondences_from_cloud(msg), options))]
 
     def from_detections(
         self, msg: Any, options: PoseNodeOptions
     ) -> list[BoardObservation | Rejected]:
-        """Convert an AprilTagDetectionArray: one observation for each detected board."""
-        conventions = options.detections
-        boards = correspondences_from_detections(
-            msg, self.boards, conventions.corner_order, conventions.pixel_center_px
-        )
-        return [self._of_board(msg.header, points, options) for points in boards]
+        """Convert the tags of apriltag_ros: one observation for each detected board."""
+        return self._from_tags('detections', msg, options.detections, options)
+
+    def from_tag_detections(
+        self, msg: Any, options: PoseNodeOptions
+    ) -> list[BoardObservation | Rejected]:
+        """Convert the tags of Isaac ROS: one observation for each detected board."""
+        return self._from_tags('tag_detections', msg, options.tag_detections, options)
 
     def use_camera_info(self, msg: CameraInfo) -> Rejected | None:
         """Replace the latest camera_info, or return why it is invalid."""
@@ -192,6 +207,10 @@ class Inputs:
             self._modelled = self._camera_info
         return self._model
 
+    def model_assumption(self) -> Notice | None:
+        """Return a notice if the latest camera_info leaves the model of its lens open."""
+        return None if self._camera_info is None else model_assumption(self._camera_info)
+
     def frame_mismatch(self, header: Header) -> Notice | None:
         """Return a notice if camera_info has another frame_id than the header."""
         frame_id = '' if self._camera_info is None else self._camera_info.header.frame_id
@@ -199,8 +218,8 @@ class Inputs:
             return None
         return Notice(
             'frame_id',
-            f'camera_info has the frame {frame_id!r}, the points have {header.frame_id!r}: are '
-            'they from the same camera?',
+            f'camera_info has the frame {shown(frame_id)}, the points have '
+            f'{shown(header.frame_id)}: are they from the same camera?',
         )
 
     def tf_conflict(self, options: PoseNodeOptions) -> Notice | None:
@@ -226,6 +245,23 @@ class Inputs:
             'board_file; the detector must use the same file',
         )
 
+    def _from_tags(
+        self,
+        topic: str,
+        msg: Any,
+        conventions: DetectionsOptions,
+        options: PoseNodeOptions,
+    ) -> list[BoardObservation | Rejected]:
+        boards = correspondences_from_detections(
+            msg,
+            self.boards,
+            conventions.corner_order,
+            conventions.pixel_center_px,
+            topic=topic,
+        )
+        observations = (self._of_board(msg.header, points, options) for points in boards)
+        return [part for each in observations for part in tags_in_image(each, topic)]
+
     def _of_board(
         self, header: Header, points: Correspondences | Rejected, options: PoseNodeOptions
     ) -> BoardObservation | Rejected:
@@ -245,14 +281,13 @@ class Inputs:
             return points
         if isinstance(target, Rejected):
             return target
-        frame = self._image_frame(options.image)
+        frame = self.image_frame(options.image)
         if isinstance(frame, Rejected):
             return frame
         image_points = frame.full_from_sent(points.image_points)
-        outside = outside_image(image_points, frame.size)
-        return outside or BoardObservation(header, frame, target, points, image_points)
+        return BoardObservation(header, frame, target, points, image_points)
 
-    def _image_frame(self, options: ImageOptions) -> ImageFrame | Rejected:
+    def image_frame(self, options: ImageOptions) -> ImageFrame | Rejected:
         """Return the frame of the latest camera_info; before the first, that of the parameters."""
         if self._frame is not None:
             return self._frame
@@ -260,18 +295,76 @@ class Inputs:
         return ImageFrame((options.width_px, options.height_px)) if given else _NO_SIZE
 
 
-def outside_image(points_px: Array, image_size: tuple[int, int]) -> Rejected | None:
-    """Return a rejection if one of the points (N, 2) lies outside the full raw image."""
-    width, height = image_size
-    low, high = -0.5 - _MARGIN_PX, np.array([width, height]) - 0.5 + _MARGIN_PX
-    is_outside = (points_px < low) | (points_px > high)
-    if not is_outside.any():
-        return None
-    x, y = points_px[is_outside.any(axis=1)][0]
+def in_image(observation: BoardObservation | Rejected) -> BoardObservation | Rejected:
+    """Return the observation; a rejection if one of its points lies outside the raw image."""
+    if isinstance(observation, Rejected):
+        return observation
+    outside_px = _outside_px(observation.image_points, observation.frame.size)
+    farthest = int(outside_px.argmax())
+    if outside_px[farthest] <= _MARGIN_PX:
+        return observation
     return Rejected(
         'outside_image',
-        f'the point ({x:.0f}, {y:.0f}) px lies outside the image of {width}x{height} px: does '
-        'camera_info belong to this camera?',
+        f'the point {_where(observation, farthest)}: camera_info belongs to another camera or '
+        'image size, or the detector does not leave out points that it does not see',
+    )
+
+
+def tags_in_image(
+    observation: BoardObservation | Rejected, topic: str
+) -> list[BoardObservation | Rejected]:
+    """
+    Return an observation of tags without those that lie too far outside, and their rejections.
+
+    AprilTag's library fits lines to the sides of a tag, so it finds a tag that the rim of the
+    image cuts, with its corners outside. Farther out than half a side they are wrong.
+    """
+    if isinstance(observation, Rejected):
+        return [observation]
+    tags_px = observation.image_points.reshape(-1, 4, 2)
+    sides_px = np.linalg.norm(tags_px - np.roll(tags_px, 1, axis=1), axis=2).mean(axis=1)
+    outside_px = _outside_px(tags_px, observation.frame.size)
+    is_left_out = outside_px.max(axis=1) > _MOST_OUTSIDE * sides_px
+    if not is_left_out.any():
+        return [observation]
+    parts: list[BoardObservation | Rejected] = [
+        _left_out(observation, topic, tag, int(outside_px[tag].argmax()), sides_px[tag])
+        for tag in np.flatnonzero(is_left_out).tolist()
+    ]
+    if is_left_out.all():
+        return parts
+    return [*parts, observation.part(np.repeat(~is_left_out, 4))]
+
+
+def _left_out(
+    observation: BoardObservation, topic: str, tag: int, corner: int, side_px: float
+) -> Rejected:
+    board, first = observation.target.board, 4 * tag
+    name = 'the marker'
+    if isinstance(board, MarkerBoard):
+        name = f'tag {board.marker_ids[observation.points.ids[first] // 4]}'
+    return Rejected(
+        'outside_image',
+        f'{topic}: {name} is left out, because its corner {_where(observation, first + corner)}, '
+        f'more than half a side of the tag ({_MOST_OUTSIDE * side_px:.0f} px): its corners are '
+        'not reliable, or camera_info belongs to another camera or image size',
+    )
+
+
+def _outside_px(points_px: Array, image_size: tuple[int, int]) -> Array:
+    """Return the distances of points (..., 2) from the image; 0 inside."""
+    x, y = points_px[..., 0], points_px[..., 1]
+    width, height = image_size
+    beyond_x = np.maximum(np.maximum(-0.5 - x, x - (width - 0.5)), 0.0)
+    beyond_y = np.maximum(np.maximum(-0.5 - y, y - (height - 0.5)), 0.0)
+    return np.hypot(beyond_x, beyond_y)
+
+
+def _where(observation: BoardObservation, index: int) -> str:
+    (x, y), (width, height) = observation.image_points[index], observation.frame.size
+    outside_px = _outside_px(observation.image_points[index], observation.frame.size)
+    return (
+        f'({x:.0f}, {y:.0f}) px lies {outside_px:.0f} px outside the image of {width}x{height} px'
     )
 
 
@@ -287,7 +380,7 @@ def _ambiguous(boards: Mapping[str, Board]) -> Rejected:
 def _topic_name(board_file: str, name: str) -> str:
     if re.fullmatch(r'[A-Za-z]\w*', name, re.ASCII) is None:
         raise ConfigError(
-            f'{board_file}: boards.{name}: expected a letter, and then letters, digits and _, in '
-            'the name of one of several boards: it is part of topic names'
+            f'{printable_path(board_file)}: boards.{name}: expected a letter, and then letters, '
+            'digits and _, in the name of one of several boards: it is part of topic names'
         )
     return name

@@ -5,17 +5,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 import functools
 import time
 from typing import Any
 
 from geometry_msgs.msg import PolygonStamped
-from p4pfr_ros import PoseEstimate, Status
+from p4pfr_ros import PoseEstimate, SelfCalibration, Status
 from p4pfr_ros.boards.symmetry import symmetry_note
 from p4pfr_ros.files.yaml_fields import ConfigError
+from p4pfr_ros.kernels.warm_up import warm_up
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, PointCloud2
+from std_msgs.msg import Header
 
 from .calibration_keeper import CalibrationKeeper, CameraInfoSetter
 from .camera_check import CameraCheck
@@ -25,12 +27,17 @@ from .inputs import BoardObservation, Inputs
 from .outputs import Outputs
 from .services import Services
 from .turned_boards import TurnedBoards
-from ..conversions import detection_array_type
+from ..conversions import detection_array_type, isaac_detection_array_type
 from ..parameters.declare import Parameters
-from ..parameters.pose_options import FIXED, PoseNodeOptions, SELF_CALIBRATE
+from ..parameters.pose_options import CAMERA_INFO, FIXED, PoseNodeOptions, SELF_CALIBRATE
 from ..runtime.endpoints import Endpoints
+from ..runtime.following import FollowingSubscription
+from ..runtime.kernel_start import KernelStart
 from ..runtime.rejections import Notice, Rejected
-from ..runtime.warm_up import warm_up
+
+# While the kernels are compiled, estimates are interpreted, which takes a hundred times as long.
+# So much time is left for services and for the compiler.
+_INTERPRETED_PERIOD_S = 1.0
 
 
 class PosePipeline:
@@ -38,7 +45,7 @@ class PosePipeline:
     Estimates the pose of a marker or board, the focal length and the distortion, for any node.
 
     Published messages carry the header of the message with the points. The constructor creates
-    publishers and services and compiles the kernels; the pipeline subscribes between ``start``
+    publishers and services and loads the kernels; the pipeline subscribes between ``start``
     and ``stop``, which may be called repeatedly.
 
     Parameters
@@ -56,7 +63,8 @@ class PosePipeline:
     """
 
     def __init__(self, node: Node, config: Parameters[PoseNodeOptions]) -> None:
-        self._config = config
+        self._node, self._config = node, config
+        self._next_interpreted_s = 0.0
         self._lasting, self._subscribed = Endpoints(node), Endpoints(node)
         options, logger = config.options, node.get_logger()
         try:
@@ -75,19 +83,30 @@ class PosePipeline:
             self._reporter = HealthReporter(node, self._lasting, options.camera_name)
             Services(node, self._lasting, self._keeper, self._outputs, self._reporter)
             # So that no message waits for the compiler.
-            warm_up()
+            self._kernels = KernelStart(node, warm_up)
         except Exception:
-            self.close()
+            self._destroy()
             raise
 
+    def when_ready(self, log_ready: Callable[[], object]) -> None:
+        """Call a function when the kernels are compiled or loaded, now or later."""
+        self._kernels.when_ready(log_ready)
+
     def start(self) -> None:
-        """Subscribe; to ``detections`` if there are boards and apriltag_msgs is installed."""
-        self._subscribed.subscribe(CameraInfo, 'camera_info', self._on_camera_info)
+        """Subscribe; to tags of other detectors if there are boards and their messages."""
+        # A driver may latch camera_info, and publish it once.
+        following = FollowingSubscription(
+            self._node, CameraInfo, 'camera_info', self._on_camera_info, only_latched=True
+        )
+        self._subscribed.add(following.destroy)
         self._subscribed.subscribe(PolygonStamped, 'corners', self._on_corners)
         self._subscribed.subscribe(PointCloud2, 'correspondences', self._on_correspondences)
-        detections = detection_array_type()
-        if detections is not None and self._inputs.boards:
-            self._subscribed.subscribe(detections, 'detections', self._on_detections)
+        for topic, kind, callback in (
+            ('detections', detection_array_type(), self._on_detections),
+            ('tag_detections', isaac_detection_array_type(), self._on_tag_detections),
+        ):
+            if kind is not None and self._inputs.boards:
+                self._subscribed.subscribe(kind, topic, callback)
         self._subscribed.every(PERIOD_S, self._on_timer)
 
     def stop(self) -> None:
@@ -95,7 +114,12 @@ class PosePipeline:
         self._subscribed.close()
 
     def close(self) -> None:
-        """Stop, and destroy all endpoints."""
+        """Stop, save the calibration if that is an option, and destroy all endpoints."""
+        self.stop()
+        self._keeper.save_at_end(self._config.options)
+        self._destroy()
+
+    def _destroy(self) -> None:
         self._subscribed.close()
         self._lasting.close()
         self._config.guard(None)
@@ -104,36 +128,52 @@ class PosePipeline:
         rejected = self._inputs.use_camera_info(msg)
         if rejected is not None:
             self._reporter.reject(rejected)
+        else:
+            self._publish_synced(msg.header, self._config.options)
 
     def _on_corners(self, msg: PolygonStamped) -> None:
         options = self._config.options
-        self._process(self._inputs.from_corners(msg, options), options)
+        self._process(msg.header, self._inputs.from_corners(msg, options), options)
 
     def _on_correspondences(self, msg: PointCloud2) -> None:
         options = self._config.options
-        self._process(self._inputs.from_cloud(msg, options), options)
+        self._process(msg.header, self._inputs.from_cloud(msg, options), options)
 
     def _on_detections(self, msg: Any) -> None:
         options = self._config.options
-        self._process(self._inputs.from_detections(msg, options), options)
+        self._process(msg.header, self._inputs.from_detections(msg, options), options)
+
+    def _on_tag_detections(self, msg: Any) -> None:
+        options = self._config.options
+        self._process(msg.header, self._inputs.from_tag_detections(msg, options), options)
 
     def _on_timer(self) -> None:
+        self._reporter.pending = self._kernels.pending
         self._reporter.publish(enabled=self._config.options.enabled)
         self._driver.send_pending()
 
     def _process(
-        self, observations: Iterable[BoardObservation | Rejected], options: PoseNodeOptions
+        self,
+        header: Header,
+        observations: Iterable[BoardObservation | Rejected],
+        options: PoseNodeOptions,
     ) -> None:
         """Process all boards of one message, and report the health of the node."""
         if options.enabled:
             received_s = time.monotonic()
             self._reporter.received(received_s)
+            pending = self._kernels.pending
+            if pending and received_s < self._next_interpreted_s:
+                self._reporter.reject(Rejected('compiling', pending))
+                observations = ()
             for observation in observations:
                 if isinstance(observation, Rejected):
                     self._reporter.reject(observation)
                 elif self._is_needed(observation, options):
                     self._estimate(observation, options, received_s)
+                    self._next_interpreted_s = time.monotonic() + _INTERPRETED_PERIOD_S
             self._warn(self._inputs.tf_conflict(options))
+            self._publish_synced(header, options)
         self._reporter.publish(enabled=options.enabled)
 
     def _is_needed(self, observation: BoardObservation, options: PoseNodeOptions) -> bool:
@@ -145,11 +185,16 @@ class PosePipeline:
     ) -> None:
         """Estimate one board; a calibrated camera publishes the pose before it is updated."""
         self._warn(self._inputs.frame_mismatch(observation.header))
+        if options.intrinsics.mode == CAMERA_INFO:
+            self._warn(self._inputs.model_assumption())
         camera = self._cameras.camera_for(observation, options)
         if isinstance(camera, Rejected):
             self._reporter.reject(camera)
             return
-        observation = on_real_board(camera, observation)
+        if self._kernels.pending and isinstance(camera, SelfCalibration):
+            camera = camera.fused  # an interpreted update takes seconds
+        if self._outputs.draws_points():
+            observation = on_real_board(camera, observation)
         publish = functools.partial(self._publish, observation, options, received_s)
         estimate = estimate_with(camera, observation, options, self._check, on_pose=publish)
         in_use = camera_to_publish(camera, estimate, options.intrinsics.mode)
@@ -175,6 +220,14 @@ class PosePipeline:
         reason = self._check.reason if estimate.status is Status.MISFIT else ''
         # A symmetric board is not ambiguous in this view alone: it was said at the start.
         self._reporter.estimated(observation.stamp_ns, estimate, received_s, reason)
+
+    def _publish_synced(self, header: Header, options: PoseNodeOptions) -> None:
+        """Publish the camera in use with the header of an image, if a node needs it."""
+        frame = self._inputs.image_frame(options.image)
+        if isinstance(frame, Rejected) or not self._outputs.awaits_synced():
+            return
+        camera = self._cameras.known(frame.size, options)
+        self._outputs.publish_synced(header, frame, camera, options.intrinsics.mode)
 
     def _warn(self, notice: Notice | None) -> None:
         if notice is not None:

@@ -25,7 +25,7 @@ from rclpy.subscription import Subscription
 
 from .overrides import overridable, PUBLISHER, SUBSCRIPTION
 
-_SENSOR_DEPTH = 5
+SENSOR_DEPTH = 5
 _OUTPUT_DEPTH = 10
 
 
@@ -34,7 +34,7 @@ def subscribe(
     message_type: type[Any],
     topic: str,
     callback: Callable[[Any], None],
-    depth: int = _SENSOR_DEPTH,
+    depth: int = SENSOR_DEPTH,
 ) -> Subscription:
     """
     Subscribe to sensor data; the queue holds ``depth`` messages and drops the oldest first.
@@ -151,9 +151,9 @@ class Endpoints:
         timer = self._node.create_timer(period_s, callback, clock=steady)
         self._destroyers.append(lambda: self._node.destroy_timer(timer))
 
-    def add_publisher(self, publisher: Publisher) -> None:
-        """Destroy a publisher that was created elsewhere with the others."""
-        self._destroyers.append(lambda: self._node.destroy_publisher(publisher))
+    def add(self, destroy: Callable[[], object]) -> None:
+        """Destroy an endpoint that was created elsewhere with the others."""
+        self._destroyers.append(destroy)
 
     def close(self) -> None:
         """Destroy all endpoints, the last one first."""

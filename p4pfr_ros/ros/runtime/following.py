@@ -7,7 +7,8 @@ A subscription that takes the QoS which its publishers offer, and follows them w
 Best effort matches every publisher, but loses large messages: DDS splits an image into hundreds of
 fragments, and one lost fragment loses the image. Reliable requests them again, but receives
 nothing from a best-effort publisher. So a subscription begins with best effort and becomes
-reliable when all publishers are, as ``ros2 topic echo`` does.
+reliable when all publishers are, as ``ros2 topic echo`` does. Likewise it becomes transient local,
+so that it receives the last message of a latched publisher that published before it existed.
 
 This module stands alone: discovery is no concern of the nodes.
 """
@@ -22,7 +23,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from .endpoints import subscribe
+from .endpoints import SENSOR_DEPTH, subscribe
 from .overrides import is_overridden, SUBSCRIPTION
 
 # Publishers are compared this often: a query of the local graph, some tens of microseconds.
@@ -51,6 +52,9 @@ class FollowingSubscription:
     reliability
         ``auto``, or ``reliable`` or ``best_effort`` to force one. A QoS override of the policy
         takes precedence.
+    only_latched
+        Whether to become reliable for latched publishers only: a small message is not lost, and
+        subscribing again may lose one.
 
     Raises
     ------
@@ -66,10 +70,12 @@ class FollowingSubscription:
         topic: str,
         callback: Callable[[Any], None],
         *,
-        depth: int,
+        depth: int = SENSOR_DEPTH,
         reliability: str = AUTO,
+        only_latched: bool = False,
     ) -> None:
         self._node, self._type, self._callback = node, message_type, callback
+        self._only_latched = only_latched
         self._subscription = subscribe(node, message_type, topic, callback, depth)
         self._forced = {
             policy
@@ -80,7 +86,7 @@ class FollowingSubscription:
             self._forced.add('reliability')
             self._replace(reliability=_RELIABILITY[reliability])
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(_PERIOD_S, self._follow, clock=steady)
+        self._timer = node.create_timer(_PERIOD_S, self._follow, clock=steady)
 
     @property
     def qos(self) -> QoSProfile:
@@ -92,6 +98,11 @@ class FollowingSubscription:
         """The number of publishers on the topic, whether they match or not."""
         return int(self._node.count_publishers(self._subscription.topic_name))
 
+    def destroy(self) -> None:
+        """Unsubscribe."""
+        self._node.destroy_timer(self._timer)
+        self._node.destroy_subscription(self._subscription)
+
     def _follow(self) -> None:
         offered = [
             info.qos_profile
@@ -100,8 +111,9 @@ class FollowingSubscription:
         if not offered:
             return
         # A stricter policy than one publisher offers does not match it.
-        reliable = all(qos.reliability is ReliabilityPolicy.RELIABLE for qos in offered)
         latched = all(qos.durability is DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
+        reliable = all(qos.reliability is ReliabilityPolicy.RELIABLE for qos in offered)
+        reliable &= latched or not self._only_latched
         self._replace(
             reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
             durability=(

@@ -10,9 +10,11 @@ from dataclasses import dataclass
 import time
 from typing import Any
 
+from p4pfr_ros.files.printable import printable
 from rclpy.logging import LoggingSeverity
 
 _PERIOD_S = 5.0
+_MAX_REASON = 500
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +27,15 @@ class Rejected:
     cause
         A short name to count by, such as 'point_count'.
     reason
-        A sentence for people: what was expected, and what came.
+        A sentence for people: what was expected, and what came; one line, which is cut.
 
     """
 
     cause: str
     reason: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, 'reason', printable(self.reason, _MAX_REASON))
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +48,15 @@ class Notice:
     cause
         A short name to count by, such as 'frame_id'.
     reason
-        A sentence for people.
+        A sentence for people; one line, which is cut.
 
     """
 
     cause: str
     reason: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, 'reason', printable(self.reason, _MAX_REASON))
 
 
 class CauseLog:

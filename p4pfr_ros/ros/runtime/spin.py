@@ -8,11 +8,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 import signal
+import sys
+from tempfile import TemporaryFile
 from types import FrameType
+from typing import Any
 
 from p4pfr_ros.files.yaml_fields import ConfigError
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logging_directory
 from rclpy.node import Node
 
 from .overrides import warn_of_unknown_overrides
@@ -58,9 +62,36 @@ def run(
 
 def _init(args: Sequence[str] | None) -> None:
     try:
-        rclpy.init(args=args)
+        init_ros(args)
     except Exception as error:  # the class of rclpy's exception is not public
         raise ConfigError(f'ROS arguments: {" ".join(str(error).split())}') from None
+
+
+def init_ros(args: Sequence[str] | None = None, **options: Any) -> None:
+    """
+    Call ``rclpy.init``, without log files if there is no place for them.
+
+    ROS itself does not start then. A warning says what to do.
+    """
+    problem = _log_problem()
+    if problem:
+        print(f'no log files: {problem}. Set ROS_LOG_DIR to a writable folder.', file=sys.stderr)
+    no_files = ['--ros-args', '--disable-external-lib-logs'] if problem else []
+    rclpy.init(args=[*(sys.argv if args is None else args), *no_files], **options)
+
+
+def _log_problem() -> str:
+    """Return why ROS cannot write log files; an empty text if it can."""
+    try:
+        folder = get_logging_directory()
+    except RuntimeError:
+        return 'no home directory'
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=folder):
+            return ''
+    except OSError as error:
+        return f'{folder}: {error.strerror}'
 
 
 class _Interrupt:

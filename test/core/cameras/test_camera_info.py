@@ -188,6 +188,8 @@ def test_extreme_coefficients_raise_no_error(kind, size):
         ({'center_px': (500.0,)}, 'center_px must have shape'),
         ({'residual_px': -1.0}, 'residual_px must be ≥ 0'),
         ({'image_size': (0, 480)}, 'image_size must be positive'),
+        ({'skew_px': 501.0}, 'skew_px must be at most fx = 500'),
+        ({'skew_px': np.nan}, 'skew_px must be finite'),
     ],
 )
 def test_an_invalid_model_is_rejected(arguments, message):

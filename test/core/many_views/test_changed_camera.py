@@ -3,6 +3,10 @@
 
 """Cameras that change, outlier views, and loaded calibrations."""
 
+import copy
+import dataclasses
+import functools
+
 from calibration_views import (
     calibrate,
     compiled_only,
@@ -22,10 +26,14 @@ from p4pfr_ros import (
     Status,
     Verdict,
 )
+from p4pfr_ros.core.model.observation import image_center_px
+from p4pfr_ros.scenes.deviating_view import BOARD, Deviations, draw_deviating_view
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
 pytestmark = compiled_only
+
+SMALL_IMAGE = (640, 480)
 
 
 def test_a_single_outlier_view_does_not_change_the_camera():
@@ -43,11 +51,20 @@ def test_a_single_outlier_view_does_not_change_the_camera():
     assert estimate.model is None
 
 
+@functools.cache
+def calibrated_once(seed):
+    return calibrate(draw_views(seeded_camera(seed), 20, seed, noise_px=0.3))
+
+
+def calibrated(seed):
+    """Return a camera, and its calibration from twenty views."""
+    return seeded_camera(seed), copy.deepcopy(calibrated_once(seed))
+
+
 @pytest.mark.parametrize('zoom', [0.6, 1.1, 1.5])
 def test_a_camera_that_zooms_restarts_the_calibration_within_ten_views(zoom):
     for seed in range(8):
-        camera = seeded_camera(seed)
-        calibration = calibrate(draw_views(camera, 20, seed, noise_px=0.3))
+        camera, calibration = calibrated(seed)
         zoomed = DivisionCamera(zoom * camera.focal_px, camera.center_px, zoom**2 * camera.k)
         after = draw_views(zoomed, 25, 100 + seed, noise_px=0.3)
         results = verdicts(calibration, after[:10])
@@ -72,6 +89,42 @@ def test_a_camera_that_does_not_change_never_restarts_the_calibration():
     for seed in range(10):
         results = verdicts(SelfCalibration(IMAGE_SIZE), draw_views(seeded_camera(seed), 60, seed))
         assert Verdict.RESTARTED not in results
+
+
+def deviating_views(camera, count, seed, tilt_deg, **deviations):
+    rng, present = np.random.default_rng(seed), Deviations(**deviations)
+    return [
+        draw_deviating_view(rng, camera, SMALL_IMAGE, BOARD, present, tilt_deg=tilt_deg)
+        for _ in range(count)
+    ]
+
+
+def calibrated_in_small_images(camera):
+    calibration = SelfCalibration(SMALL_IMAGE)
+    verdicts(calibration, deviating_views(camera, 30, 0, (10.0, 60.0)))
+    assert calibration.state is CalibrationState.CALIBRATED
+    return calibration
+
+
+def test_a_bent_board_that_stays_never_restarts_the_calibration():
+    camera = DivisionCamera(160.0, image_center_px(SMALL_IMAGE), -0.03)
+    calibration = calibrated_in_small_images(camera)
+    for seed in (1, 3):
+        bent = deviating_views(camera, 12, seed, (0.0, 12.0), bow_x_m=0.001)
+        assert Verdict.RESTARTED not in verdicts(copy.deepcopy(calibration), bent)
+
+
+def test_a_view_after_a_zoom_has_no_pose_or_a_covariance_that_admits_the_zoom():
+    camera = DivisionCamera(275.0, image_center_px(SMALL_IMAGE), -0.05)
+    calibration = calibrated_in_small_images(camera)
+    published = 0
+    for view in deviating_views(dataclasses.replace(camera, focal_px=357.5), 20, 1, (15.0, 60.0)):
+        estimate = copy.deepcopy(calibration).update(view.image_points, view.board_points)
+        if estimate.observable.pose:
+            published += 1
+            error = estimate.model.camera_from_board.distance - view.camera_from_board.distance
+            assert abs(error) < 5.0 * estimate.distance_sigma
+    assert published  # not all views are silent
 
 
 def test_new_views_refine_a_loaded_calibration():

@@ -28,6 +28,9 @@ MODELS = {
     'equidistant': CameraInfoModel(
         'equidistant', (-0.02, 0.005, -0.003, 5e-4), (400.0, 401.0), CENTER, 0.0, SIZE
     ),
+    'skewed': CameraInfoModel(
+        'equidistant', (-0.02, 0.005, -0.003, 5e-4), (400.0, 401.0), CENTER, 0.0, SIZE, 0.0, 4.0
+    ),
 }
 over_models = pytest.mark.parametrize('model', MODELS.values(), ids=MODELS)
 FACING = np.diag([1.0, -1.0, -1.0])

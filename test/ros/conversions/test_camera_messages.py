@@ -15,6 +15,7 @@ from p4pfr_ros.ros.conversions import (
     division_camera_from_msg,
     image_frame_from_msg,
     ImageFrame,
+    model_assumption,
     model_from_msg,
 )
 import pytest
@@ -74,6 +75,24 @@ def test_a_window_is_rectified_as_a_window(frame, expected):
     assert msg.roi.do_rectify is expected
 
 
+def test_a_skew_survives_its_message_and_is_not_in_the_rectified_image():
+    model = dataclasses.replace(MODELS[0], skew_px=4.5)
+    msg = camera_info_from_model_msg(scenes.header(1), FRAME, model)
+    assert model_from_msg(msg) == model
+    assert (msg.k[1], msg.p[1]) == (4.5, 0.0)
+
+
+def test_coefficients_without_a_model_are_warned_of():
+    msg = calibrated()
+    assert model_assumption(msg) is None
+    msg.distortion_model = ''
+    assert model_from_msg(msg) == MODELS[0]
+    assert 'taken as plumb_bob' in model_assumption(msg).reason
+    msg.d = []
+    assert model_from_msg(msg).coefficients == (0.0,) * 5
+    assert model_assumption(msg) is None
+
+
 @pytest.mark.parametrize('d', [BARREL[:4], BARREL], ids=['four', 'five'])
 def test_plumb_bob_has_four_or_five_coefficients(d):
     msg = calibrated()
@@ -93,21 +112,33 @@ def test_no_coefficients_mean_no_distortion():
         ({'k': np.zeros(9)}, 'uncalibrated', 'K = 0'),
         ({'width': 0}, 'camera_info', 'from 1 to 65535, got 0x'),
         ({'height': 65536}, 'camera_info', 'from 1 to 65535, got .*x65536'),
-        ({'distortion_model': ''}, 'camera_model', "one of plumb_bob, .*, got ''"),
-        ({'distortion_model': 'fov'}, 'camera_model', "one of plumb_bob, .*, got 'fov'"),
-        ({'distortion_model': 'division'}, 'camera_model', "got 'division'"),
-        ({'d': [0.1, 0.2, 0.3]}, 'camera_model', 'must be 4 or 5 of plumb_bob, got 3'),
-        ({'d': [0.1] * 12}, 'camera_model', 'must be 4 or 5 of plumb_bob, got 12'),
-        ({'d': [np.nan] * 5}, 'camera_model', 'coefficients must be finite'),
-        ({'d': [0.0, 0.0, -1e8, 0.0]}, 'camera_model', 'out of range'),
-        ({'k': np.array([9, 0, 1e300, 0, 9, 3, 0, 0, 1.0])}, 'camera_model', 'out of range'),
-        ({'k': np.array([9, 0, 3, 0, 1e-300, 3, 0, 0, 1.0])}, 'camera_model', 'out of range'),
-        ({'distortion_model': 'equidistant', 'd': []}, 'camera_model', 'must be 4 of equidistant'),
-        ({'distortion_model': 'rational_polynomial'}, 'camera_model', 'must be 8 of rational'),
-        ({'k': np.array([9, 1, 3, 0, 9, 3, 0, 0, 1.0])}, 'camera_model', r'\[9 1 3 0 9 3 0 0 1\]'),
-        ({'k': np.array([9, 0, 3, 0, 9, 3, 0, 0, 0.0])}, 'camera_model', 'expected K = '),
-        ({'k': np.array([-9, 0, 3, 0, 9, 3, 0, 0, 1.0])}, 'camera_model', 'focal_px must be > 0'),
-        ({'k': np.array([9, 0, np.nan, 0, 9, 3, 0, 0, 1])}, 'camera_model', 'must be finite'),
+        ({'distortion_model': 'fov'}, 'camera_model', "one of plumb_bob, .*, got 'fov': calib"),
+        ({'distortion_model': 'division'}, 'camera_model', "got 'division': use the topic"),
+        ({'distortion_model': 'x\n' * 10**6}, 'camera_model', r"got 'x\\nx.*: calibrate again"),
+        ({'d': [0.1, 0.2, 0.3]}, 'camera_model', 'D: expected 4, 5, 8, 12, 14 numbers .*, got 3'),
+        ({'d': [0.1] * 12}, 'camera_model', 'D: expected no thin prism .*THIN_PRISM_MODEL'),
+        ({'d': [np.nan] * 5}, 'camera_model', 'D: expected numbers within 1e.*, got nan: calib'),
+        ({'d': [0.0, 0.0, -1e8, 0.0]}, 'camera_model', 'D: expected numbers within 1e'),
+        (
+            {'k': np.array([9, 0, 1e300, 0, 9, 3, 0, 0, 1.0])},
+            'camera_model',
+            'K: expected numbers',
+        ),
+        ({'k': np.array([9, 0, 3, 0, 1e-300, 3, 0, 0, 1.0])}, 'camera_model', 'K: expected a foc'),
+        (
+            {'distortion_model': 'equidistant', 'd': []},
+            'camera_model',
+            'D: expected 4 numbers of equidistant .*, got 0: write four zeros',
+        ),
+        ({'k': np.array([9, 99, 3, 0, 9, 3, 0, 0, 1.0])}, 'camera_model', 'skew of at most fx'),
+        ({'k': np.array([9, 0, 3, 0, 9, 3, 0, 0, 0.0])}, 'camera_model', r'\[9 0 3 0 9 3 0 0 0\]'),
+        ({'k': np.array([9, 0, 0, 0, 9, 0, 3, 4, 1.0])}, 'camera_model', 'transpose it'),
+        ({'k': np.array([-9, 0, 3, 0, 9, 3, 0, 0, 1.0])}, 'camera_model', 'a focal length from'),
+        (
+            {'k': np.array([9, 0, np.nan, 0, 9, 3, 0, 0, 1])},
+            'camera_model',
+            'K: expected numbers within',
+        ),
     ],
 )
 def test_an_uncalibrated_or_unknown_camera_is_rejected(change, cause, reason):
@@ -117,6 +148,8 @@ def test_an_uncalibrated_or_unknown_camera_is_rejected(change, cause, reason):
     rejected = model_from_msg(msg)
     assert rejected.cause == cause
     assert re.search(reason, rejected.reason)
+    assert len(rejected.reason) <= 200
+    assert rejected.reason.isprintable()
 
 
 @pytest.mark.parametrize(

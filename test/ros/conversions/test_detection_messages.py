@@ -11,7 +11,11 @@ from p4pfr_ros.boards.conventions import CORNER_ORDERS
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.detection import detect
 from p4pfr_ros.rendering import render
-from p4pfr_ros.ros.conversions import correspondences_from_detections, detection_array_type
+from p4pfr_ros.ros.conversions import (
+    correspondences_from_detections,
+    detection_array_type,
+    isaac_detection_array_type,
+)
 from p4pfr_ros.ros.runtime.rejections import Rejected
 import pytest
 import scenes
@@ -197,9 +201,16 @@ def test_an_invalid_tag_without_a_board_is_rejected_alone(corners, cause):
     assert [rejected.cause for rejected in convert(wrong)] == [cause]
 
 
-def test_the_message_type_is_optional(monkeypatch):
-    """Without apriltag_msgs there is none."""
-    uninstall(monkeypatch)
-    assert detection_array_type() is None
-    install(monkeypatch)
-    assert detection_array_type() is AprilTagDetectionArray
+@pytest.mark.parametrize(
+    ('package', 'type_of'),
+    [
+        ('apriltag_msgs', detection_array_type),
+        ('isaac_ros_apriltag_interfaces', isaac_detection_array_type),
+    ],
+)
+def test_the_message_type_is_optional(monkeypatch, package, type_of):
+    """Without its package there is none."""
+    uninstall(monkeypatch, package)
+    assert type_of() is None
+    install(monkeypatch, package)
+    assert type_of() is AprilTagDetectionArray

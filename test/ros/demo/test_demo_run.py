@@ -13,6 +13,7 @@ import time
 
 import cv2
 from geometry_msgs.msg import PoseStamped
+from namespaces import why_not
 import numpy as np
 from p4pfr_ros import Pose, Solution
 from p4pfr_ros.files.writing import check_writable
@@ -69,13 +70,15 @@ class _Demo:
 
 @pytest.mark.dds
 def test_the_demo_stays_within_its_limits_and_writes_an_image(tmp_path):
-    """Three processes, which have exited in the end."""
+    """Three processes, which have exited in the end; an older image is replaced."""
+    (tmp_path / 'demo.png').write_text('old')
     run = _Demo(tmp_path, 5.0)
     run.until('started')
     children = run.children()
     assert len(children) == 3
     assert run.wait() == 0, run.output
     assert 'median errors of' in run.output
+    assert 'wrote demo.png (replaces the previous one): ' in run.output
     assert not any(_is_alive(pid) for pid in children)
     image = cv2.imread(str(tmp_path / 'demo.png'))
     assert image.shape == (480, 1280, 3)
@@ -199,6 +202,17 @@ def test_a_path_that_cannot_be_written_fails_before_the_start(tmp_path):
     run = _Demo(tmp_path, 60.0)
     assert run.wait() == 1
     assert run.output == ('demo failed: demo.png: expected a writable path: Is a directory\n')
+
+
+@pytest.mark.skipif(bool(why_not()), reason='needs network namespaces')
+def test_without_a_loopback_interface_it_fails_before_the_start(tmp_path):
+    """One line says how to set it up."""
+    command = ['unshare', '--user', '--map-root-user', '--net', sys.executable, '-c']
+    command.append(SCRIPT.format(duration_s=60.0))
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    reason = 'no connection to 127.0.0.1 (Network is unreachable), which DDS needs'
+    assert (done.returncode, done.stderr) == (1, '')
+    assert done.stdout == f'demo failed: {reason}: ip link set lo up\n'
 
 
 def test_checking_a_path_does_not_change_files(tmp_path):

@@ -4,7 +4,9 @@
 """The calibration file: path, loading, saving; and the driver, which receives the result."""
 
 from dataclasses import replace
+import os
 from pathlib import Path
+import tempfile
 import time
 
 import moving
@@ -29,6 +31,15 @@ class Log:
     def info(self, text):
         """Record a line."""
         self.lines.append(text)
+
+    def warning(self, text):
+        """Record a line."""
+        self.lines.append(f'WARN {text}')
+
+    @property
+    def saved(self):
+        """The lines about saving."""
+        return [line for line in self.lines if line.startswith('saved to ')]
 
 
 class Driver:
@@ -127,6 +138,63 @@ def test_saving_can_be_enabled_later(path):
     assert len([line for line in kept.log.lines if line.startswith('saved')]) == 1
 
 
+def test_a_clearly_better_camera_is_saved_again(path):
+    """When a standard deviation has fallen by a third, and not with each view."""
+    kept, files = Kept(path, save_when_calibrated=True), []
+    for view in moving.views(0, 90):
+        kept.process([view])
+        if not path.exists():
+            continue
+        file, fused = load_calibration(path).estimate, kept.keeper.calibrations.fused
+        assert fused.focal_sigma_px >= file.focal_sigma_px / 1.51
+        assert not fused.projection_sigma_px < file.projection_sigma_px / 1.51
+        if not files or file != files[-1]:
+            files.append(file)
+    assert 2 <= len(files) == len(kept.log.saved) <= 10
+    assert files[-1].focal_sigma_px < files[0].focal_sigma_px
+
+
+def test_what_the_last_views_added_is_saved_at_the_end(path):
+    """Once, and only if saving is enabled."""
+    kept = Kept(path, save_when_calibrated=True)
+    kept.keeper.save_at_end(kept.options)
+    assert not path.exists()
+    kept.process(moving.views(0, 45))
+    fused, saved = kept.keeper.calibrations.fused, len(kept.log.saved)
+    assert load_calibration(path).estimate != fused
+    kept.set(save_when_calibrated=False)
+    kept.keeper.save_at_end(kept.options)
+    assert load_calibration(path).estimate != fused
+    kept.set(save_when_calibrated=True)
+    for _ in range(2):
+        kept.keeper.save_at_end(kept.options)
+    assert load_calibration(path).estimate == fused
+    assert len(kept.log.saved) == saved + 1
+
+
+def test_a_loaded_camera_is_not_saved_again_at_once(path):
+    """The file has it already."""
+    before = Kept(path)
+    before.process(moving.views(0, 60))
+    assert before.keeper.save()[0]
+    after = Kept(path, save_when_calibrated=True)
+    after.process(moving.views(60, 62))
+    assert after.keeper.calibrations.state is CalibrationState.CALIBRATED
+    assert after.log.saved == []
+
+
+def test_the_file_of_another_program_is_kept(monkeypatch, tmp_path):
+    """With .bak appended, as the log says."""
+    monkeypatch.setenv('ROS_HOME', str(tmp_path))
+    path = tmp_path / 'camera_info' / 'camera.yaml'
+    path.parent.mkdir()
+    path.write_text('image_width: 640\n')
+    kept = Kept('', save_when_calibrated=True)
+    kept.process(moving.views(0, 40))
+    assert kept.log.saved[0].endswith(f'another program, is now {path}.bak')
+    assert Path(f'{path}.bak').read_text() == 'image_width: 640\n'
+
+
 def test_failed_saving_gives_a_notice_and_is_retried(tmp_path, monkeypatch):
     """After a minute, not with each view."""
     (tmp_path / 'file').write_text('')
@@ -198,6 +266,25 @@ def test_a_file_of_another_program_is_used_in_mode_fixed(path):
     assert calibrations.state is CalibrationState.UNCALIBRATED
 
 
+def test_what_a_file_leaves_open_is_warned_of(path):
+    """And a chain of Kalibr is read, by the camera's name."""
+    path.parent.mkdir()
+    chain = '{intrinsics: [5, 6, 7, 8], resolution: [640, 480], distortion_coeffs: [1, 2, 3, 4]}'
+    path.write_text(f'cam0: {chain}\ncam1: {chain}\n')
+    kept = Kept(path, camera_name='cam1')
+    assert kept.log.lines[0].startswith(f'WARN {path}: no distortion_model: taken as plumb_bob')
+    assert kept.keeper.calibrations.known_camera((640, 480)).focal_px == (5.0, 6.0)
+    with pytest.raises(ConfigError, match='got cam0, cam1: set camera_name'):
+        Kept(path)
+
+
+def test_a_pipe_does_not_block_the_start(tmp_path):
+    """It is neither read nor written."""
+    os.mkfifo(tmp_path / 'pipe')
+    with pytest.raises(ConfigError, match='expected a regular file, got a pipe'):
+        Kept(tmp_path / 'pipe')
+
+
 def test_without_calibration_file_the_path_is_that_of_camera_info_manager(monkeypatch, tmp_path):
     """It is not loaded, because it may belong to another camera."""
     monkeypatch.setenv('ROS_HOME', str(tmp_path))
@@ -232,6 +319,24 @@ def test_a_url_of_another_scheme_is_an_error():
     """It is not treated as a path."""
     with pytest.raises(ConfigError, match=r"calibration_file: expected .* got 'package://a/b'"):
         calibration_path('package://a/b', 'left')
+
+
+def test_the_home_of_an_unknown_user_is_an_error():
+    """One line, no traceback."""
+    with pytest.raises(ConfigError, match=r"calibration_file: .* got '~nobody_here/a.yaml': ~ is"):
+        calibration_path('~nobody_here/a.yaml', 'left')
+
+
+def test_a_user_without_a_home_can_save(monkeypatch):
+    """As in a container with an unknown user ID."""
+
+    def no_home():
+        raise RuntimeError('Could not determine home directory.')
+
+    monkeypatch.setattr(Path, 'home', no_home)
+    monkeypatch.delenv('ROS_HOME', raising=False)
+    path = calibration_path('', 'left')
+    assert path == Path(tempfile.gettempdir()) / '.ros/camera_info/left.yaml'
 
 
 def test_a_camera_name_must_be_a_valid_file_name():

@@ -3,8 +3,9 @@
 
 """Messages to observations; the DDS tests cover the estimates."""
 
-from apriltag import AprilTagDetection, AprilTagDetectionArray, Point
+from apriltag import AprilTagDetection, AprilTagDetectionArray, isaac_detection, Point
 import numpy as np
+from p4pfr_ros.ros.conversions import cloud_msg
 from p4pfr_ros.ros.parameters.declare import replaced
 from p4pfr_ros.ros.parameters.pose_options import PoseNodeOptions
 from p4pfr_ros.ros.pose.inputs import Inputs, MARKER
@@ -15,6 +16,12 @@ import scenes
 BOARDS = """
 boards:
   gate: {type: marker, id: 3, size_m: 0.12, dictionary: DICT_APRILTAG_36h11}
+  door: {type: marker, id: 4, size_m: 0.06, dictionary: DICT_APRILTAG_36h11}
+"""
+GRID = """
+boards:
+  grid: {type: marker_grid, columns: 3, rows: 1, marker_m: 0.1, separation_m: 0.02, first_id: 20,
+         dictionary: DICT_APRILTAG_36h11}
   door: {type: marker, id: 4, size_m: 0.06, dictionary: DICT_APRILTAG_36h11}
 """
 OPTIONS = replaced(PoseNodeOptions(), {'marker.size_m': scenes.MARKER_M})
@@ -48,6 +55,22 @@ def test_detections_are_assigned_to_their_boards(inputs):
         assert observation.frame.size == scenes.SIZE
         np.testing.assert_allclose(observation.image_points, corners)
         np.testing.assert_allclose(np.ptp(observation.points.board_points, axis=0), size_m)
+
+
+def test_tags_of_isaac_ros_have_their_own_conventions(inputs):
+    """Clockwise from the top left, without an offset."""
+    corners = scenes.project(scenes.ARUCO)
+    msg = AprilTagDetectionArray(scenes.header(5), [isaac_detection(3, corners)])
+    [observation] = inputs.from_tag_detections(msg, OPTIONS)
+    assert (observation.target.prefix, observation.header) == ('~/gate', msg.header)
+    np.testing.assert_allclose(observation.image_points, corners)
+    np.testing.assert_allclose(observation.points.board_points, observation.target.board.points)
+    changed = replaced(OPTIONS, {'tag_detections.pixel_center_px': 0.5})
+    [observation] = inputs.from_tag_detections(msg, changed)
+    np.testing.assert_allclose(observation.image_points, corners - 0.5)
+    msg.detections[0].corners.pop()
+    [rejected] = inputs.from_tag_detections(msg, OPTIONS)
+    assert rejected.reason == 'tag_detections: expected 4 corners of tag 3, got 3'
 
 
 def test_an_invalid_message_is_rejected_with_its_cause(inputs):
@@ -105,14 +128,69 @@ def test_the_image_size_comes_from_camera_info_or_the_parameters():
     assert observation.frame.size == scenes.SIZE
 
 
-def test_points_outside_the_image_are_rejected():
-    """A fitted corner may lie slightly outside."""
+def test_a_cloud_with_points_outside_the_image_is_rejected():
+    """A fitted point may lie slightly outside."""
     inputs = Inputs('')
     assert inputs.use_camera_info(scenes.camera_info()) is None
-    corners = scenes.project(scenes.ARUCO)
+    points = scenes.project(scenes.GRID)
     for offset_px, is_rejected in ((0.0, False), (2.0, False), (2.1, True)):
-        x = corners[:, 0] - corners[:, 0].min() - 0.5 - offset_px
-        msg = scenes.polygon(1, np.column_stack([x, corners[:, 1]]))
-        [one] = inputs.from_corners(msg, OPTIONS)
+        moved = points - [points[:, 0].min() + 0.5 + offset_px, 0.0]
+        msg = cloud_msg(scenes.header(1), moved, scenes.GRID, np.arange(len(moved)))
+        [one] = inputs.from_cloud(msg, OPTIONS)
         assert isinstance(one, Rejected) == is_rejected, offset_px
-        assert not is_rejected or one.cause == 'outside_image'
+        assert not is_rejected or (one.cause, 'camera_info' in one.reason) == (
+            'outside_image',
+            True,
+        )
+
+
+def _cut_by_the_left_rim(corners, outside_px):
+    """Return corners (4, 2) px, moved so that the leftmost is this far outside."""
+    return corners - [corners[:, 0].min() + 0.5 + outside_px, 0.0]
+
+
+@pytest.mark.parametrize('topic', ['corners', 'detections', 'tag_detections'])
+def test_a_tag_that_the_rim_cuts_is_used_up_to_half_its_side(inputs, topic):
+    """The library of AprilTag extrapolates corners outside; farther out they are wrong."""
+    corners = scenes.project(scenes.ARUCO)
+    half_px = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).mean() / 2.0
+    for share, is_rejected in ((0.0, False), (0.3, False), (0.99, False), (1.01, True)):
+        cut = _cut_by_the_left_rim(corners, share * half_px)
+        msg = {
+            'corners': scenes.polygon(1, cut),
+            'detections': AprilTagDetectionArray(scenes.header(1), [_detection(3, cut)]),
+            'tag_detections': AprilTagDetectionArray(scenes.header(1), [isaac_detection(3, cut)]),
+        }[topic]
+        [one] = getattr(inputs, f'from_{topic}')(msg, OPTIONS)
+        assert isinstance(one, Rejected) == is_rejected, share
+        if is_rejected:
+            assert one.cause == 'outside_image'
+            name = 'the marker' if topic == 'corners' else 'tag 3'
+            assert one.reason.startswith(f'{topic}: {name} is left out, because its corner (-')
+            assert 'px outside the image of 640x480 px, more than half a side' in one.reason
+        else:
+            np.testing.assert_allclose(one.image_points, cut, atol=1e-4)
+
+
+def test_a_tag_too_far_outside_costs_nothing_but_itself(inputs, tmp_path):
+    """Not the other tags of its board, and not other boards."""
+    (tmp_path / 'grid.yaml').write_text(GRID)
+    inputs = Inputs(str(tmp_path / 'grid.yaml'))
+    assert inputs.use_camera_info(scenes.camera_info()) is None
+    grid, corners = inputs.boards['grid'], scenes.project(scenes.ARUCO)
+    far, near = (_cut_by_the_left_rim(corners, outside_px) for outside_px in (300.0, 5.0))
+    detections = [
+        _detection(20, far),
+        _detection(21, near),
+        _detection(22, corners),
+        _detection(4, corners),
+    ]
+    rejected, observation, other = inputs.from_detections(
+        AprilTagDetectionArray(scenes.header(1), detections), OPTIONS
+    )
+    assert (rejected.cause, 'tag 20 ' in rejected.reason) == ('outside_image', True)
+    assert (observation.target.name, other.target.name) == ('grid', 'door')
+    np.testing.assert_array_equal(observation.points.ids, np.arange(4, 12))
+    np.testing.assert_array_equal(observation.points.board_points, grid.points[4:12])
+    np.testing.assert_allclose(observation.image_points, np.concatenate([near, corners]))
+    np.testing.assert_allclose(observation.points.image_points, observation.image_points)

@@ -5,6 +5,7 @@
 
 import time
 
+from apriltag import AprilTagDetectionArray, isaac_detection
 from geometry_msgs.msg import PolygonStamped
 from in_process import publish, set_parameter
 import moving
@@ -15,6 +16,7 @@ from p4pfr_ros.ros.pose import pipeline
 from p4pfr_ros.ros.pose.calibration_keeper import CalibrationKeeper
 from p4pfr_ros.ros.pose.outputs import Outputs
 from p4pfr_ros.ros.pose_node import PoseNode
+from pose_node_client import assert_close
 import pytest
 from rclpy.parameter import Parameter
 import scenes
@@ -24,6 +26,7 @@ BOARDS = """
 boards:
   gate: {type: chessboard, columns: 9, rows: 6, square_m: 0.025}
 """
+DOCK = 'boards: {dock: {type: marker, id: 3, size_m: 0.12, dictionary: DICT_APRILTAG_36h11}}'
 ALWAYS = {'camera_info': CameraInfo, 'corners': PolygonStamped, 'correspondences': PointCloud2}
 
 
@@ -47,13 +50,39 @@ def make(dds, tmp_path):
 # Stands in for AprilTagDetectionArray, which need not be installed.
 @pytest.mark.parametrize('detections', [PolygonStamped, None], ids=['installed', 'missing'])
 @pytest.mark.parametrize('boards', [BOARDS, ''], ids=['boards', 'no boards'])
-def test_detections_need_boards_and_their_package(make, monkeypatch, boards, detections):
+@pytest.mark.parametrize(
+    ('topic', 'type_of'),
+    [
+        ('detections', 'detection_array_type'),
+        ('tag_detections', 'isaac_detection_array_type'),
+    ],
+)
+def test_detections_need_boards_and_their_package(
+    make, monkeypatch, boards, detections, topic, type_of
+):
     """The other topics are always subscribed to."""
-    monkeypatch.setattr(pipeline, 'detection_array_type', lambda: detections)
+    monkeypatch.setattr(pipeline, type_of, lambda: detections)
     types = {s.topic_name.lstrip('/'): s.msg_type for s in make(boards).subscriptions}
-    expected = ALWAYS | ({'detections': detections} if boards and detections else {})
+    expected = ALWAYS | ({topic: detections} if boards and detections else {})
     assert {name: types.get(name) for name in expected} == expected
-    assert ('detections' in types) == ('detections' in expected)
+    assert (topic in types) == (topic in expected)
+
+
+def test_tags_of_isaac_ros_give_the_pose(make, monkeypatch):
+    """From the message on tag_detections to the published pose."""
+    estimates = []
+    monkeypatch.setattr(pipeline, 'isaac_detection_array_type', lambda: PolygonStamped)
+    monkeypatch.setattr(Outputs, 'publish_pose', lambda *given: estimates.append(given[2]))
+    node = make(DOCK)
+    assert set_parameter(node, 'intrinsics.focal_px', scenes.CAMERA.focal_px).successful
+    assert set_parameter(node, 'intrinsics.k', scenes.CAMERA.k).successful
+    assert set_parameter(node, 'intrinsics.mode', 'fixed').successful
+    assert set_parameter(node, 'publish_tf', True).successful
+    publish(node, 'camera_info', scenes.camera_info())
+    tags = [isaac_detection(3, scenes.project(scenes.ARUCO))]
+    publish(node, 'tag_detections', AprilTagDetectionArray(scenes.header(1), tags))
+    [estimate] = estimates
+    assert_close(estimate.model.camera_from_board, scenes.CAMERA_FROM_BOARD)
 
 
 def test_a_calibrated_camera_publishes_the_pose_before_it_is_updated(make, monkeypatch):
@@ -112,3 +141,15 @@ def test_a_mirrored_board_is_a_counted_rejection_unless_it_is_two_sided(make, mo
     publish(node, 'correspondences', msg)
     assert estimates.pop().model.camera_from_board.tilt_deg > 90.0
     assert health.rejections == {'seen_from_behind': 1}
+
+
+def test_coefficients_without_a_model_are_warned_of(make, monkeypatch, capfd):
+    """In the mode camera_info, which is the only one that uses them."""
+    monkeypatch.setattr(Outputs, 'is_awaited', lambda *_: True)
+    node, msg = make(), scenes.camera_info()
+    msg.k, msg.d = np.array([520.0, 0, 319.5, 0, 520.0, 239.5, 0, 0, 1]), [0.2, 0.0, 0.0, 0.0]
+    for mode, expected in (('per_frame', False), ('camera_info', True)):
+        assert set_parameter(node, 'intrinsics.mode', mode).successful
+        publish(node, 'camera_info', msg)
+        publish(node, 'correspondences', scenes.board_cloud(1))
+        assert ('[no_distortion_model: 1 so far]' in capfd.readouterr().err) is expected

@@ -3,10 +3,14 @@
 
 """QoS overrides, service names, timers and subscribers of endpoints; in process."""
 
+from pathlib import Path
 import time
 
 from p4pfr_ros.files.yaml_fields import ConfigError
+from p4pfr_ros.ros.camera_simulator import CameraSimulator
+from p4pfr_ros.ros.detector_node import DetectorNode
 from p4pfr_ros.ros.pose.calibration_keeper import CameraInfoSetter
+from p4pfr_ros.ros.pose_node import PoseNode
 from p4pfr_ros.ros.runtime.endpoints import Endpoints, is_awaited
 from p4pfr_ros.ros.runtime.overrides import warn_of_unknown_overrides
 import pytest
@@ -16,6 +20,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import Header
 
 TIMEOUT_S = 20.0
+BOARDS = Path(__file__).resolve().parents[3] / 'config/boards'
 MAKERS = {
     'subscription': lambda endpoints: endpoints.subscribe(Header, 'topic', lambda _: None),
     'publisher': lambda endpoints: endpoints.advertise(Header, 'topic', latched=True),
@@ -130,6 +135,21 @@ def test_an_unused_override_is_warned_of(make):
         f'unknown parameter {misspelt} is ignored (did you mean {used}?)',
         'unknown parameter qos_overrides./x.publisher.lifespan is ignored',
     ]
+
+
+@pytest.mark.parametrize('node_type', [PoseNode, DetectorNode, CameraSimulator])
+def test_the_qos_of_every_topic_can_be_overridden(dds, node_type):
+    """History, depth, reliability and durability; ROS itself has /rosout and /parameter_events."""
+    board = Parameter('board_file', value=str(BOARDS / 'marker_36h11_150mm.yaml'))
+    node = node_type(parameter_overrides=[board])
+    given = {name.rpartition('.')[0] for name in node.get_parameters_by_prefix('qos_overrides')}
+    kinds = {'subscription': node.subscriptions, 'publisher': node.publishers}
+    expected = {f'{end.topic_name}.{kind}' for kind, ends in kinds.items() for end in ends} - {
+        '/rosout.publisher',
+        '/parameter_events.publisher',
+    }
+    node.destroy_node()
+    assert given == expected
 
 
 @pytest.mark.parametrize('service', ['bad name!', 'a/', '1st', 'a//b', '{camera}/set'])

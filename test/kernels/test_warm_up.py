@@ -23,9 +23,9 @@ def compiled():
 
 SCRIPT = """
 import moving
-from p4pfr_ros import DivisionCamera, estimate_pose
-from p4pfr_ros.core import jit
-from p4pfr_ros.ros.runtime.warm_up import warm_up
+import numpy as np
+from p4pfr_ros import DivisionCamera, estimate_pose, EstimateOptions, Pose
+from p4pfr_ros.kernels.warm_up import warm_up
 from modes import fixed, FREEZE, Modes, options
 
 warm_up()
@@ -43,6 +43,20 @@ corners = [0, 8, 53, 45]
 for view in moving.views(0, 60):
     points = moving.BOARD.points[corners]
     estimate_pose(view.image_points[corners], points, image_size=moving.SIZE)
+facing = Pose(np.diag([1.0, -1.0, -1.0]), np.array([0.02, 0.01, 0.5]))
+board, rng = moving.BOARD.points, np.random.default_rng(1)
+prior = dict(prior_focal_px=700.0, prior_focal_sigma_px=30.0, prior_k_sigma=0.1)
+for tilt_rad in np.linspace(0.0, 0.7, 6):
+    pose = facing @ Pose.from_rotation_vector(tilt_rad * rng.uniform(-1.0, 1.0, 3), np.zeros(3))
+    pixels = moving.CAMERA.project(pose.transform(np.pad(board, ((0, 0), (0, 1)))))
+    pixels += rng.normal(0.0, 0.3, pixels.shape)
+    pixels[: len(board) // 3] += rng.uniform(-40.0, 40.0, (len(board) // 3, 2))
+    for chosen in (slice(None), corners):
+        for changes in ({}, prior):
+            for options in (EstimateOptions(**changes), EstimateOptions.ideal(**changes)):
+                points = pixels[chosen], board[chosen]
+                estimate_pose(*points, image_size=moving.SIZE, options=options)
+        estimate_pose(*points, camera=moving.CAMERA)
 print(len(before), sorted(compiled() - before))
 """
 
@@ -61,8 +75,8 @@ def kernels_and_new(script, room, folder):
 
 
 def test_warm_up_compiles_all_kernels():
-    """Boards and markers, all modes and a zoom need no other kernel or signature."""
-    count, new = kernels_and_new(SCRIPT, 'core', Path(__file__).parents[1])
+    """Boards and markers, all modes, options and a zoom need no other kernel or signature."""
+    count, new = kernels_and_new(SCRIPT, 'core', Path(__file__).parents[1] / 'ros')
     assert count > 20
     assert new == '[]'
 
@@ -71,7 +85,7 @@ DETECTION_SCRIPT = """
 from board_views import BOARDS, CAMERAS, seen_from, SIZE
 from p4pfr_ros.detection import detect
 from p4pfr_ros.rendering import render
-from p4pfr_ros.ros.runtime.warm_up import warm_up_detection
+from p4pfr_ros.kernels.warm_up import warm_up_detection
 
 warm_up_detection()
 before = compiled()
@@ -88,6 +102,6 @@ print(len(before), sorted(compiled() - before))
 
 def test_warm_up_compiles_all_kernels_of_detection():
     """Boards of all kinds, whole and in part, need no other kernel or signature."""
-    count, new = kernels_and_new(DETECTION_SCRIPT, 'detection', Path(__file__).parents[2])
+    count, new = kernels_and_new(DETECTION_SCRIPT, 'detection', Path(__file__).parents[1])
     assert count >= 7  # those that Python calls; from the cache, the others do not count
     assert new == '[]'
