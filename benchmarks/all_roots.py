@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.core.geometry import Array, Mask
 from p4pfr_ros.core.jit import jit
-from p4pfr_ros.core.minimal.cone import board_weights
-from p4pfr_ros.core.minimal.pose import board_duals, scale_image
+from p4pfr_ros.core.minimal.cone import board_weights, Cone
+from p4pfr_ros.core.minimal.four import Four, four_of, Points, points_of, times
+from p4pfr_ros.core.minimal.pose import scale_board, scale_image
 from p4pfr_ros.core.minimal.sextic import coefficients, factors
-from p4pfr_ros.core.minimal.solver import Workspace, workspace
 
 Complexes = NDArray[np.complex128]
 
@@ -39,7 +39,7 @@ def count(image: Array, board: Array) -> Counts:
     basis = np.zeros((n_instances, 2, 4))
     ends = np.zeros((n_instances, 2, 4), dtype=np.complex128)  # of u, v, l, p
     weights, radius2 = np.zeros((n_instances, 4)), np.zeros((n_instances, 4))
-    _expand_all(image, board, polynomials, basis, ends, weights, radius2, workspace())
+    _expand_all(image, board, polynomials, basis, ends, weights, radius2)
     s = _roots(polynomials)
     instance, root = np.nonzero(np.abs(s.imag) < _REAL_TOLERANCE * (1.0 + np.abs(s)))
     share = s[instance, root].real[:, None]
@@ -66,16 +66,16 @@ def _expand_all(
     ends: Complexes,
     weights: Array,
     radius2: Array,
-    room: Workspace,
 ) -> None:
     for i in range(len(image)):
-        scale_image(image[i], room.image, room.radius)
-        board_weights(board[i], weights[i])
-        board_duals(board[i], room.board, room.duals)
-        radius2[i] = room.radius**2
-        _null_space(room.image, weights[i], basis[i])
+        _, scaled, radius = scale_image(points_of(image[i]))
+        _, m = board_weights(points_of(board[i]))
+        weights[i, :] = m
+        radius2[i, :] = times(radius, radius)
+        _null_space(scaled, m, basis[i])
         # λ = basis[0] + s basis[1] with s = τ / (1 - τ), on the whole real line instead of [0, 1].
-        f = factors(room.image, weights[i], basis[i], room.duals)
+        cone = Cone(True, four_of(basis[i, 0]), four_of(basis[i, 1]))
+        f = factors(scaled, m, cone, scale_board(points_of(board[i])).duals)
         ends[i, 0, :] = (f.u0, f.v0, f.l0, f.p0)
         ends[i, 1, :] = (f.u1, f.v1, f.l1, f.p1)
         bernstein = coefficients(f, 0.0, 1.0)
@@ -84,7 +84,7 @@ def _expand_all(
 
 
 @jit
-def _null_space(image: Array, m: Array, basis: Array) -> None:
+def _null_space(image: Points, m: Four, basis: Array) -> None:
     """Write two vectors λ (2, 4) with Σ λᵢ mᵢ (xᵢ, yᵢ) = 0, the largest entry of each about 1."""
     for vector, j in ((0, 2), (1, 3)):
         # Cramer's rule on the points 0, 1 and j.
@@ -96,8 +96,8 @@ def _null_space(image: Array, m: Array, basis: Array) -> None:
 
 
 @jit
-def _cross(image: Array, i: int, j: int) -> float:
-    value: float = image[i, 0] * image[j, 1] - image[i, 1] * image[j, 0]
+def _cross(image: Points, i: int, j: int) -> float:
+    value: float = image.x[i] * image.y[j] - image.y[i] * image.x[j]
     return value
 
 

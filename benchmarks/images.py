@@ -18,9 +18,9 @@ from matplotlib.figure import Figure
 import numpy as np
 from p4pfr_ros.core.geometry import Array
 from p4pfr_ros.core.minimal.cone import board_weights, depth_cone
-from p4pfr_ros.core.minimal.pose import board_duals, scale_image
+from p4pfr_ros.core.minimal.four import points_of
+from p4pfr_ros.core.minimal.pose import scale_board, scale_image
 from p4pfr_ros.core.minimal.sextic import coefficients, evaluate, Factors, factors
-from p4pfr_ros.core.minimal.solver import workspace
 from p4pfr_ros.report.figure_style import STYLE
 from p4pfr_ros.scenes.instances import draw_instances
 
@@ -59,12 +59,11 @@ def prepare(seed: int) -> Scene:
     """Run the first steps of the solver on an instance."""
     drawn = draw_instances('patch', 1, seed)
     image, board = drawn.image_points[0], drawn.board_points[0]
-    room = workspace()
-    scale_image(image, room.image, room.radius)
-    board_weights(board, room.weights)
-    depth_cone(room.image, room.radius, room.weights, room.plane, room.rays)
-    board_duals(board, room.board, room.duals)
-    return Scene(room.rays, factors(room.image, room.weights, room.rays, room.duals))
+    _, scaled, radius = scale_image(points_of(image))
+    _, weights = board_weights(points_of(board))
+    cone = depth_cone(scaled, radius, weights)
+    duals = scale_board(points_of(board)).duals
+    return Scene(np.array([cone.a, cone.b]), factors(scaled, weights, cone, duals))
 
 
 def roots(f: Factors, low: float = 0.0, high: float = 1.0) -> Array:

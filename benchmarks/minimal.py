@@ -21,7 +21,15 @@ from rich.console import Console
 from rich.table import Table
 
 from .accuracy import Accuracy, CLASSES, InstanceClass, measure
-from .published import EIGVALS_US, RECALL, Recall, TIMES_US, UNPUBLISHED
+from .published import (
+    EIGVALS_US,
+    PEERS_EIGVALS_US,
+    PEERS_US,
+    RECALL,
+    Recall,
+    TIMES_US,
+    UNPUBLISHED,
+)
 from .speed import batch_speed, single_speed, Speed
 
 _TIMING_SEED = 12345
@@ -114,6 +122,7 @@ def _notes(rows: list[Row]) -> list[str]:
         FOOTNOTE,
         _checks(functools.reduce(operator.add, (r.accuracy for r in rows))),
         _times(rows),
+        _peers(rows),
     ]
 
 
@@ -148,6 +157,20 @@ def _times(rows: list[Row]) -> str:
     )
 
 
+def _peers(rows: list[Row]) -> str:
+    patch, square = (row.batch.ratio for row in rows[:2])
+    peers = '; '.join(
+        f'{name} {first} / {second} µs = {first / PEERS_EIGVALS_US:.2f} / '
+        f'{second / PEERS_EIGVALS_US:.2f}'
+        for name, (first, second) in PEERS_US.items()
+    )
+    return (
+        'Peers in C++, patch / square, on a machine of the same kind, where one eigvals took '
+        f'{PEERS_EIGVALS_US} µs: {peers}. This solver in the same unit: '
+        f'{patch:.2f} / {square:.2f}.'
+    )
+
+
 def _table(rows: list[Row], title: str) -> Table:
     table = Table(title=title, box=SIMPLE_HEAVY)
     for column in HEADER:
@@ -167,7 +190,11 @@ def _markdown(rows: list[Row], title: str, notes: list[str]) -> str:
         '|---' + '|--:' * (len(HEADER) - 1) + '|',
         *('| ' + ' | '.join(row.cells()) + ' |' for row in rows),
     ]
-    return '\n'.join([*lines, *(f'\n{note}' for note in notes)]) + '\n'
+    chart = (
+        '\n![Stages](minimal_stages.png)\n\nWhere the nanoseconds go, in a batch on one core '
+        '(`python -m benchmarks.minimal_stages`).'
+    )
+    return '\n'.join([*lines, *(f'\n{note}' for note in notes), chart]) + '\n'
 
 
 if __name__ == '__main__':

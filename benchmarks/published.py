@@ -52,6 +52,14 @@ TIMES_US = {
     'Kukelova 2013, 5 points': 2.2,
 }
 
+# Microseconds per solve, patch and square, in one run on a machine of the kind of this one, where
+# one 6x6 np.linalg.eigvals took PEERS_EIGVALS_US.
+PEERS_EIGVALS_US = 3.81
+PEERS_US = {
+    'PoseLib 3.0.0, p5pfr (5 points)': (1.44, 1.43),
+    'radialpose, planar P4Pfr': (4.92, 4.75),
+}
+
 # log10 of the residual in undistorted image coordinates at QUANTILES, 100,000 instances.
 QUANTILES = (0.5, 0.9, 0.99, 0.999, 1.0)
 RESIDUALS = {

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from p4pfr_ros import Solution
 from p4pfr_ros.core.geometry import Array, rotation_angle_rad, TRANSLATION
-from p4pfr_ros.core.minimal.solution import G, H, ROW_SIZE, solution_from_row
+from p4pfr_ros.core.minimal.solution import G, H, ROW_SIZE, solutions_from_rows
 from p4pfr_ros.core.one_view.free_camera import Gates
 from p4pfr_ros.core.one_view.least_squares import free_problem, least_squares_work, minimise
 from p4pfr_ros.scenes.single_view import draw_view, SyntheticView
@@ -88,7 +88,7 @@ def fit_from_ground_truth(drawn: SyntheticView) -> Solution:
     row[G], row[H] = drawn.camera.focal_px, drawn.camera.k / drawn.camera.focal_px
     problem = free_problem(image, board, _ANY_CAMERA)
     minimise(row, problem, math.inf, _STEPS, _TOLERANCE, least_squares_work())
-    return solution_from_row(row, drawn.camera.center_px)
+    return solutions_from_rows(row[None], drawn.camera.center_px)[0]
 
 
 def _errors(models: list[Solution | None], views: list[SyntheticView]) -> Errors:

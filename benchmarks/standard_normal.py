@@ -16,11 +16,12 @@ import numpy as np
 from p4pfr_ros.core.geometry import Array, Ints
 from p4pfr_ros.core.jit import jit
 from p4pfr_ros.core.minimal.cone import board_weights, depth_cone
-from p4pfr_ros.core.minimal.pose import board_duals, pose_from_root, scale_image
+from p4pfr_ros.core.minimal.four import Points, points_of
+from p4pfr_ros.core.minimal.one import solve_minimal, Workspace, workspace
+from p4pfr_ros.core.minimal.pose import pose_from_root, scale_board, scale_image
 from p4pfr_ros.core.minimal.roots import feasible_roots, MAX_ROOTS
 from p4pfr_ros.core.minimal.sextic import factors
 from p4pfr_ros.core.minimal.solution import ROW_SIZE
-from p4pfr_ros.core.minimal.solver import solve_minimal, Workspace, workspace
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,26 +66,25 @@ def _solve_all(
     image: Array, board: Array, rows: Array, depths: Array, count: Ints, room: Workspace
 ) -> None:
     for i in range(len(image)):
-        count[i, 0] = _depths(image[i], board[i], rows[i, 0], depths[i], room)
-        count[i, 1] = solve_minimal(image[i], board[i], math.inf, rows[i], room)
+        points, board_points = points_of(image[i]), points_of(board[i])
+        count[i, 0] = _depths(points, board_points, depths[i], room)
+        count[i, 1] = solve_minimal(points, board_points, math.inf, rows[i], room)
 
 
 @jit
-def _depths(image: Array, board: Array, row: Array, depths: Array, room: Workspace) -> int:
+def _depths(image_points: Points, board_points: Points, depths: Array, room: Workspace) -> int:
     """Run ``solve_minimal`` up to the roots, and write their λ."""
-    if not (scale_image(image, room.image, room.radius) > 0.0):
+    scale_px, image, radius = scale_image(image_points)
+    has_weights, weights = board_weights(board_points)
+    cone = depth_cone(image, radius, weights)
+    if not (scale_px > 0.0 and has_weights and cone.opens):
         return 0
-    if not board_weights(board, room.weights):
-        return 0
-    if not depth_cone(room.image, room.radius, room.weights, room.plane, room.rays):
-        return 0
-    board_duals(board, room.board, room.duals)
-    f = factors(room.image, room.weights, room.rays, room.duals)
+    f = factors(image, weights, cone, scale_board(board_points).duals)
     count = 0
     for i in range(feasible_roots(f, math.inf, room.roots, room.stack)):
         tau = room.roots[i]
-        if pose_from_root(f, tau, row):
+        if pose_from_root(f, tau, cone, image)[0]:
             for p in range(4):
-                depths[count, p] = (1.0 - tau) * room.rays[0, p] + tau * room.rays[1, p]
+                depths[count, p] = (1.0 - tau) * cone.a[p] + tau * cone.b[p]
             count += 1
     return count

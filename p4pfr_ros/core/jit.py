@@ -70,6 +70,16 @@ def reducing_kernel(function: Function) -> Function:
     return _compiled(function, **_OPTIONS, _nrt=False, fastmath={'reassoc', 'contract', 'nsz'})
 
 
+def inlined(function: Function) -> Function:
+    """
+    Compile as ``kernel`` does a function that LLVM always inlines.
+
+    LLVM vectorises a loop only if nothing is called in it. Other than a ``part_of_kernel``, the
+    function is typed once, whatever the number of calls.
+    """
+    return _compiled(function, **_OPTIONS, _nrt=False, forceinline=True)
+
+
 def vectorised_kernel(function: Function) -> Function:
     """
     Compile as ``kernel`` does a hot loop over columns, which LLVM vectorises by itself.

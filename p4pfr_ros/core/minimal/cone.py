@@ -16,8 +16,10 @@ physical solution is λ = (1 - τ) a + τ b with 0 < τ < 1. Without a cone ther
 
 from __future__ import annotations
 
-from ..geometry import Array
-from ..jit import kernel
+from typing import NamedTuple
+
+from .four import choose, Four, largest, Points, scaled
+from ..jit import inlined
 
 # The rounding error of a product whose true value is zero, relative to the sizes of its factors.
 # The image points are differences (pixel minus centre): each has an error of ε times the image's
@@ -28,87 +30,105 @@ _ROUNDING = 1e-14
 _MIN_OPENING = 1e-12
 
 
-@kernel
-def depth_cone(image: Array, radius: Array, m: Array, plane: Array, rays: Array) -> bool:
-    """
-    Find the extreme rays of {λ ≥ 0, Σ λᵢ mᵢ (xᵢ, yᵢ) = 0}; return False if there is no cone.
+class Cone(NamedTuple):
+    """The extreme rays a and b, each summing to 1; opens: whether there is a cone."""
 
-    image (4, 2) is scaled so that the farthest point has radius 1; ``plane`` (4, 4) is workspace,
-    and a and b, each summing to 1, are written to ``rays`` (2, 4).
+    opens: bool
+    a: Four
+    b: Four
+
+
+@inlined
+def depth_cone(image: Points, radius: Four, m: Four) -> Cone:
+    """
+    Find the extreme rays of {λ ≥ 0, Σ λᵢ mᵢ (xᵢ, yᵢ) = 0}.
+
+    The image is scaled so that the farthest point has radius 1.
     """
     # All λ with Σ λᵢ vᵢ = 0 lie in a plane of R⁴. Its Plücker coordinates are the six cross
-    # products of the v, and row l of the antisymmetric matrix of their duals,
+    # products vᵢ × vⱼ. Row l of the antisymmetric matrix of their duals,
     #     plane[l, k] = ± vᵢ × vⱼ,   {i, j, k, l} = {0, 1, 2, 3},
     # is the vector of that plane whose entry l is zero: Cramer's rule on the other three. A ray
     # of the cone is a row whose entries have one sign.
-    _set_pair(plane, 2, 3, m[0] * m[1] * _cross(image, radius, 0, 1))
-    _set_pair(plane, 3, 1, m[0] * m[2] * _cross(image, radius, 0, 2))
-    _set_pair(plane, 1, 2, m[0] * m[3] * _cross(image, radius, 0, 3))
-    _set_pair(plane, 0, 3, m[1] * m[2] * _cross(image, radius, 1, 2))
-    _set_pair(plane, 2, 0, m[1] * m[3] * _cross(image, radius, 1, 3))
-    _set_pair(plane, 0, 1, m[2] * m[3] * _cross(image, radius, 2, 3))
-    count = 0
+    x, y = image
+    p0, p1 = (x[0], y[0], radius[0]), (x[1], y[1], radius[1])
+    p2, p3 = (x[2], y[2], radius[2]), (x[3], y[3], radius[3])
+    v01 = m[0] * m[1] * _cross(p0, p1)
+    v02 = m[0] * m[2] * _cross(p0, p2)
+    v03 = m[0] * m[3] * _cross(p0, p3)
+    v12 = m[1] * m[2] * _cross(p1, p2)
+    v13 = m[1] * m[3] * _cross(p1, p3)
+    v23 = m[2] * m[3] * _cross(p2, p3)
+    is_ray0, ray0 = _ray((0.0, v23, -v13, v12))
+    is_ray1, ray1 = _ray((-v23, 0.0, v03, -v02))
+    is_ray2, ray2 = _ray((v13, -v03, 0.0, v01))
+    is_ray3, ray3 = _ray((-v12, v02, -v01, 0.0))
+    # With a point at the centre, or three collinear board points, three of the rows are the same
+    # ray. So the second ray is the one farthest from the first.
+    a = choose(is_ray0, ray0, choose(is_ray1, ray1, ray2))
+    b = a
     opening = _MIN_OPENING
-    for l in range(4):  # noqa: E741
-        low = high = total = 0.0
-        for k in range(4):
-            if k != l:
-                low = min(low, plane[l, k])
-                high = max(high, plane[l, k])
-                total += plane[l, k]
-        if low * high < 0.0 or total == 0.0:
-            continue
-        distance = 0.0
-        for k in range(4):
-            plane[l, k] = plane[l, k] / total if k != l else 0.0
-            if count > 0:
-                distance += abs(plane[l, k] - rays[0, k])
-        # With a point at the centre, or three collinear board points, three of the rows are the
-        # same ray; take the pair with the largest distance.
-        if count == 0 or distance > opening:
-            which = 0 if count == 0 else 1
-            opening = opening if count == 0 else distance
-            count += 1
-            for k in range(4):
-                rays[which, k] = plane[l, k]
-    return count >= 2
+    farther = is_ray1 and _distance(ray1, a) > opening
+    b, opening = choose(farther, ray1, b), _distance(ray1, a) if farther else opening
+    farther = is_ray2 and _distance(ray2, a) > opening
+    b, opening = choose(farther, ray2, b), _distance(ray2, a) if farther else opening
+    farther = is_ray3 and _distance(ray3, a) > opening
+    b, opening = choose(farther, ray3, b), _distance(ray3, a) if farther else opening
+    return Cone((is_ray0 or is_ray1 or is_ray2) and opening > _MIN_OPENING, a, b)
 
 
-@kernel
-def board_weights(board: Array, m: Array) -> bool:
+@inlined
+def _ray(row: Four) -> tuple[bool, Four]:
+    """Return whether the entries have one sign, and the row with the sum 1."""
+    low = min(min(row[0], row[1]), min(row[2], row[3]))
+    high = max(max(row[0], row[1]), max(row[2], row[3]))
+    total = row[0] + row[1] + row[2] + row[3]
+    inverse = 1.0 / total if total != 0.0 else 0.0
+    return low * high >= 0.0 and total != 0.0, scaled(row, inverse)
+
+
+@inlined
+def _distance(a: Four, b: Four) -> float:
+    return abs(a[0] - b[0]) + abs(a[1] - b[1]) + abs(a[2] - b[2]) + abs(a[3] - b[3])
+
+
+@inlined
+def board_weights(board: Points) -> tuple[bool, Four]:
     """
-    Write m (4,) with Σ mᵢ = 0, Σ mᵢ (Xᵢ, Yᵢ) = 0, the largest ±1; False for collinear points.
+    Return m with Σ mᵢ = 0, Σ mᵢ (Xᵢ, Yᵢ) = 0, the largest ±1; False for collinear points.
 
     mᵢ is, with alternating sign, the area of the triangle of the other three points.
     """
-    x1, y1 = board[1, 0] - board[0, 0], board[1, 1] - board[0, 1]
-    x2, y2 = board[2, 0] - board[0, 0], board[2, 1] - board[0, 1]
-    x3, y3 = board[3, 0] - board[0, 0], board[3, 1] - board[0, 1]
-    m[0] = (x2 - x1) * (y3 - y1) - (y2 - y1) * (x3 - x1)
-    m[1] = y2 * x3 - x2 * y3
-    m[2] = x1 * y3 - y1 * x3
-    m[3] = y1 * x2 - x1 * y2
-    largest = max(max(abs(m[0]), abs(m[1])), max(abs(m[2]), abs(m[3])))
+    x, y = board
+    x1, y1 = x[1] - x[0], y[1] - y[0]
+    x2, y2 = x[2] - x[0], y[2] - y[0]
+    x3, y3 = x[3] - x[0], y[3] - y[0]
+    m = (
+        (x2 - x1) * (y3 - y1) - (y2 - y1) * (x3 - x1),
+        y2 * x3 - x2 * y3,
+        x1 * y3 - y1 * x3,
+        y1 * x2 - x1 * y2,
+    )
     # With three collinear points the fourth has zero weight, and rounding must not give it a sign:
     # the computed area is the rounding error of the coordinates times a length.
-    length = max(max(abs(x1), abs(y1)), max(max(abs(x2), abs(y2)), max(abs(x3), abs(y3))))
-    rounding = _ROUNDING * length * (length + max(abs(board[0, 0]), abs(board[0, 1])))
-    if not largest > rounding:
-        return False
-    inverse = 1.0 / largest
-    for i in range(4):
-        m[i] = m[i] * inverse if abs(m[i]) > rounding else 0.0
-    return True
+    length = max(largest((x1, x2, x3, 0.0)), largest((y1, y2, y3, 0.0)))
+    rounding = _ROUNDING * length * (length + max(abs(x[0]), abs(y[0])))
+    size = largest(m)
+    inverse = 1.0 / size if size > rounding else 0.0
+    return size > rounding, (
+        m[0] * inverse if abs(m[0]) > rounding else 0.0,
+        m[1] * inverse if abs(m[1]) > rounding else 0.0,
+        m[2] * inverse if abs(m[2]) > rounding else 0.0,
+        m[3] * inverse if abs(m[3]) > rounding else 0.0,
+    )
 
 
-@kernel
-def _set_pair(plane: Array, row: int, column: int, value: float) -> None:
-    plane[row, column] = value
-    plane[column, row] = -value
+@inlined
+def _cross(a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
+    """
+    Return the cross product of two points (x, y, radius).
 
-
-@kernel
-def _cross(image: Array, radius: Array, i: int, j: int) -> float:
-    """Return the cross product; exactly zero if it is rounding (points on one ray, centre)."""
-    value: float = image[i, 0] * image[j, 1] - image[i, 1] * image[j, 0]
-    return value if abs(value) > _ROUNDING * (radius[i] + radius[j]) else 0.0
+    It is exactly zero if it is rounding: for points on one ray, or at the centre.
+    """
+    value = a[0] * b[1] - a[1] * b[0]
+    return value if abs(value) > _ROUNDING * (a[2] + b[2]) else 0.0

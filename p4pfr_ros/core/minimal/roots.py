@@ -15,14 +15,18 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from .four import largest
 from .sextic import coefficients, evaluate, Factors, Seven
 from ..geometry import Array
-from ..jit import kernel
+from ..jit import inlined, kernel
 
 MAX_ROOTS = 6
 
+# The distance of the corners of the coefficients' polygon.
+_SIXTH = 1.0 / 6.0
+
 # A shorter interval with two roots or more holds a multiple root, to rounding.
-_SHORTEST = 1e-13
+SHORTEST = 1e-13
 
 # Limit of the search if the sextic vanishes everywhere (unobservable) but for rounding errors.
 _MAX_INTERVALS = 600
@@ -32,7 +36,7 @@ _MARGIN = 0.05
 
 # Newton's method inside its bracket needs some four steps. It ends if a step is below rounding, or
 # is small and yet no smaller than the one before.
-_MAX_NEWTON_STEPS = 64
+MAX_NEWTON_STEPS = 64
 _TAU_ROUNDING = 3e-16
 _TAU_SMALL = 1e-9
 
@@ -46,7 +50,7 @@ STACK_SHAPE = (1024, 10)
 _LOW, _HIGH, _SIZE, _FIRST = 0, 1, 2, 3
 
 
-class _Signs(NamedTuple):
+class Signs(NamedTuple):
     """
     The sign changes of an interval's Bernstein coefficients.
 
@@ -55,7 +59,7 @@ class _Signs(NamedTuple):
     interval; rising: the direction of the first crossing.
     """
 
-    variations: int
+    variations: float
     first: float
     second: float
     rising: bool
@@ -77,13 +81,9 @@ def feasible_roots(f: Factors, max_bend: float, roots: Array, stack: Array) -> i
             break
         waiting -= 1
         low, high = stack[waiting, _LOW], stack[waiting, _HIGH]
-        signs = _signs_of(_top(stack, waiting))
-        if signs.variations > 1 and high - low >= _SHORTEST:
-            # Split between two roots, or near the second of more: fewest intervals in trials.
-            two = signs.variations == 2
-            share = 0.5 * (signs.first + signs.second) if two else signs.second
-            share = min(max(share, _MARGIN), 1.0 - _MARGIN)
-            _split_interval(f, share, stack, waiting)
+        signs = signs_of(_top(stack, waiting))
+        if signs.variations > 1 and high - low >= SHORTEST:
+            _split_interval(f, share_to_split(signs), stack, waiting)
             waiting += 2
             continue
         if signs.variations == 1:
@@ -111,108 +111,143 @@ def _append_root(tau: float, re: float, roots: Array, count: int) -> int:
 @kernel
 def _push_bounded(f: Factors, max_bend: float, stack: Array) -> int:
     """Push the parts of (0, 1) where k < max_bend, the first on top; return their number."""
-    if max_bend == math.inf:
-        _push_from_factors(f, 0.0, 1.0, stack, 0)
-        return 1
+    first, second, in_first, in_second, in_third = bounded_parts(f, max_bend)
+    waiting = 0
+    if in_third:
+        _push_from_factors(f, second, 1.0, stack, waiting)
+        waiting += 1
+    if in_second:
+        _push_from_factors(f, first, second, stack, waiting)
+        waiting += 1
+    if in_first:
+        _push_from_factors(f, 0.0, first, stack, waiting)
+        waiting += 1
+    return waiting
+
+
+@inlined
+def bounded_parts(f: Factors, max_bend: float) -> tuple[float, float, bool, bool, bool]:
+    """Split (0, 1) at two values of τ; return them, and whether k < max_bend in each part."""
     # k = -n/d < B  where  e = n + B d  and d have the same sign. Both are linear: at most three
     # parts.
-    e0, e1 = f.n0 + max_bend * f.d0, f.n1 + max_bend * f.d1
-    zero_of_d = f.d0 / (f.d0 - f.d1) if f.d0 * f.d1 < 0.0 else 1.0
-    zero_of_e = e0 / (e0 - e1) if e0 * e1 < 0.0 else 1.0
-    waiting = 0
-    high = 1.0
-    for low in (max(zero_of_d, zero_of_e), min(zero_of_d, zero_of_e), 0.0):
-        middle = 0.5 * (low + high)
-        d = (1.0 - middle) * f.d0 + middle * f.d1
-        e = (1.0 - middle) * e0 + middle * e1
-        if low < high and d * e > 0.0:
-            _push_from_factors(f, low, high, stack, waiting)
-            waiting += 1
-        high = low
-    return waiting
+    bounded = max_bend < math.inf
+    bend = max_bend if bounded else 0.0
+    e0, e1 = f.n0 + bend * f.d0, f.n1 + bend * f.d1
+    zero_of_d = f.d0 / (f.d0 - f.d1) if bounded and f.d0 * f.d1 < 0.0 else 1.0
+    zero_of_e = e0 / (e0 - e1) if bounded and e0 * e1 < 0.0 else 1.0
+    first, second = min(zero_of_d, zero_of_e), max(zero_of_d, zero_of_e)
+    return (
+        first,
+        second,
+        not bounded or _same_sign(f, e0, e1, 0.5 * first),
+        first < second and _same_sign(f, e0, e1, 0.5 * (first + second)),
+        second < 1.0 and _same_sign(f, e0, e1, 0.5 * (second + 1.0)),
+    )
+
+
+@inlined
+def _same_sign(f: Factors, e0: float, e1: float, tau: float) -> bool:
+    """Return whether d and e have the same sign at τ."""
+    s = 1.0 - tau
+    return (s * f.d0 + tau * f.d1) * (s * e0 + tau * e1) > 0.0
+
+
+class Bracket(NamedTuple):
+    """
+    A root between low and high in the course of Newton's method.
+
+    tau: the latest value; before: the size of the latest step; re: Re(q z̄²) before it.
+    """
+
+    low: float
+    high: float
+    tau: float
+    before: float
+    re: float
+    done: bool
+
+
+@inlined
+def newton_step(f: Factors, rising: bool, bracket: Bracket) -> Bracket:
+    """Take a step of Newton's method, or of bisection if that would leave the bracket."""
+    low, high, tau, before, _, _ = bracket
+    value = evaluate(f, tau)
+    is_low = (value.sextic < 0.0) == rising
+    low = tau if is_low else low
+    high = high if is_low else tau
+    step = -value.sextic / value.slope if value.slope != 0.0 else high - low
+    size = abs(step)
+    converged = size <= _TAU_ROUNDING or (size < _TAU_SMALL and size > 0.9 * before)
+    # Convergence is quadratic: the next step would be about size (size / before)². Only for
+    # small steps: after a longer one another root may be close.
+    last = size < _TAU_SMALL and size * size * size <= _TAU_ROUNDING * before * before
+    moved = tau + step
+    inside = low < moved < high
+    moved = moved if inside else 0.5 * (low + high)
+    return Bracket(
+        low, high, tau if converged else moved, size, value.re, converged or (last and inside)
+    )
 
 
 @kernel
 def _bracketed_newton(
     f: Factors, low: float, high: float, tau: float, rising: bool
 ) -> tuple[float, float]:
-    """
-    Return the one root between low and high, and Re(q z̄²) there to the rounding of a step.
-
-    By Newton's method, with bisection if a step leaves the bracket.
-    """
-    before = high - low
-    value = evaluate(f, tau)
-    for _ in range(_MAX_NEWTON_STEPS):
-        if (value.sextic < 0.0) == rising:
-            low = tau
-        else:
-            high = tau
-        step = -value.sextic / value.slope if value.slope != 0.0 else high - low
-        size = abs(step)
-        if size <= _TAU_ROUNDING or (size < _TAU_SMALL and size > 0.9 * before):
+    """Return the one root between low and high, and Re(q z̄²) there to the rounding of a step."""
+    bracket = Bracket(low, high, tau, high - low, 0.0, False)
+    for _ in range(MAX_NEWTON_STEPS):
+        bracket = newton_step(f, rising, bracket)
+        if bracket.done:
             break
-        # Convergence is quadratic: the next step would be about size (size / before)². Only for
-        # small steps: after a longer one another root may be close.
-        last = size < _TAU_SMALL and size * size * size <= _TAU_ROUNDING * before * before
-        before = size
-        tau += step
-        if not low < tau < high:
-            tau = 0.5 * (low + high)
-        elif last:
-            break
-        value = evaluate(f, tau)
-    return tau, value.re
+    return bracket.tau, bracket.re
 
 
-@kernel
-def _signs_of(c: Seven) -> _Signs:
+@inlined
+def signs_of(c: Seven) -> Signs:
     """Count the sign changes, and find the polygon's first two zero crossings."""
-    zero_at_high = c[6] == 0.0
-    if c[0] * c[1] * c[2] == 0.0 or c[3] * c[4] * c[5] == 0.0 or zero_at_high:
-        c = _zeros_filled(c)
-    # Without branches, because they would be unpredictable.
-    variations = (
-        int((c[0] < 0.0) != (c[1] < 0.0))
-        + int((c[1] < 0.0) != (c[2] < 0.0))
-        + int((c[2] < 0.0) != (c[3] < 0.0))
-        + int((c[3] < 0.0) != (c[4] < 0.0))
-        + int((c[4] < 0.0) != (c[5] < 0.0))
-        + int((c[5] < 0.0) != (c[6] < 0.0))
-    )
-    if variations == 0:
-        return _Signs(0, 0.5, 0.5, False, zero_at_high)
-    first, after = _crossing(c, 0)
-    if variations == 1:
-        return _Signs(1, first, 0.5, c[0] < 0.0, zero_at_high)
-    second, _ = _crossing(c, after)
-    return _Signs(variations, first, second, c[0] < 0.0, zero_at_high)
-
-
-@kernel
-def _crossing(c: Seven, start: int) -> tuple[float, int]:
-    """Return the polygon's first zero crossing from a corner on, and the corner after it."""
-    for i in range(start, 6):
-        if (c[i] < 0.0) != (c[i + 1] < 0.0):
-            return (i + c[i] / (c[i] - c[i + 1])) / 6.0, i + 1
-    return 0.5, 6
-
-
-@kernel
-def _zeros_filled(c: Seven) -> Seven:
-    """Give zeros a sign: that of the value before them, or else of the first nonzero one."""
-    last = 0.0
-    for i in range(6, -1, -1):
-        if c[i] != 0.0:
-            last = c[i]
-    c0 = last
+    # A zero gets the sign of the value before it, or else of the first nonzero one.
+    c0 = c[0]
+    for i in range(1, 7):
+        c0 = c0 if c0 != 0.0 else c[i]
     c1 = c[1] if c[1] != 0.0 else c0
     c2 = c[2] if c[2] != 0.0 else c1
     c3 = c[3] if c[3] != 0.0 else c2
     c4 = c[4] if c[4] != 0.0 else c3
     c5 = c[5] if c[5] != 0.0 else c4
     c6 = c[6] if c[6] != 0.0 else c5
-    return c0, c1, c2, c3, c4, c5, c6
+    filled = (c0, c1, c2, c3, c4, c5, c6)
+    # Without branches, because they would be unpredictable. From right to left: at the end the
+    # first two crossings are left, each with the values on both sides.
+    variations = 0.0
+    first = second = 0.0
+    before1, after1 = before2, after2 = 0.0, 1.0
+    for i in range(5, -1, -1):
+        change = (filled[i] < 0.0) != (filled[i + 1] < 0.0)
+        variations += 1.0 if change else 0.0
+        second, before2, after2 = (
+            first if change else second,
+            before1 if change else before2,
+            after1 if change else after2,
+        )
+        first = float(i) if change else first
+        before1 = filled[i] if change else before1
+        after1 = filled[i + 1] if change else after1
+    return Signs(
+        variations,
+        (first + before1 / (before1 - after1)) * _SIXTH,
+        (second + before2 / (before2 - after2)) * _SIXTH,
+        c0 < 0.0,
+        c[6] == 0.0,
+    )
+
+
+@inlined
+def share_to_split(signs: Signs) -> float:
+    """Return where to split an interval: between two roots, or near the second of more."""
+    # The fewest intervals in trials.
+    two = signs.variations == 2.0
+    share = 0.5 * (signs.first + signs.second) if two else signs.second
+    return min(max(share, _MARGIN), 1.0 - _MARGIN)
 
 
 @kernel
@@ -240,9 +275,13 @@ def _push(low: float, high: float, size: float, c: Seven, stack: Array, at: int)
 def _push_from_factors(f: Factors, low: float, high: float, stack: Array, at: int) -> None:
     """Push an interval, its coefficients computed from the factors."""
     c = coefficients(f, low, high)
-    largest = max(max(abs(c[0]), abs(c[1])), max(abs(c[2]), abs(c[3])))
-    largest = max(max(largest, abs(c[4])), max(abs(c[5]), abs(c[6])))
-    _push(low, high, largest, c, stack, at)
+    _push(low, high, largest_of(c), c, stack, at)
+
+
+@inlined
+def largest_of(c: Seven) -> float:
+    """Return the largest absolute value of a coefficient."""
+    return max(largest((c[0], c[1], c[2], c[3])), largest((c[4], c[5], c[6], 0.0)))
 
 
 @kernel
@@ -250,8 +289,8 @@ def _split_interval(f: Factors, share: float, stack: Array, at: int) -> None:
     """Replace the interval at ``at`` by its right part, and push its left part above it."""
     low, high, size = stack[at, _LOW], stack[at, _HIGH], stack[at, _SIZE]
     middle = low + (high - low) * share
-    left, right = _de_casteljau(_top(stack, at), share)
-    if _sign_lost(left, size) or _sign_lost(right, size):
+    left, right = de_casteljau(_top(stack, at), share)
+    if sign_lost(left, size) or sign_lost(right, size):
         # Always both parts: they must have the same sign in the middle.
         _push_from_factors(f, middle, high, stack, at)
         _push_from_factors(f, low, middle, stack, at + 1)
@@ -260,18 +299,18 @@ def _split_interval(f: Factors, share: float, stack: Array, at: int) -> None:
         _push(low, middle, size, left, stack, at + 1)
 
 
-@kernel
-def _sign_lost(c: Seven, size: float) -> bool:
+@inlined
+def sign_lost(c: Seven, size: float) -> bool:
     """Return whether rounding may have changed the sign of a nonzero coefficient."""
     bound = _SIGNLESS * size
     lost = 0
     for i in range(7):
-        lost += int(c[i] != 0.0) & int(abs(c[i]) < bound)
+        lost += 1 if c[i] != 0.0 and abs(c[i]) < bound else 0
     return lost > 0
 
 
-@kernel
-def _de_casteljau(c: Seven, t: float) -> tuple[Seven, Seven]:
+@inlined
+def de_casteljau(c: Seven, t: float) -> tuple[Seven, Seven]:
     """Return the coefficients of both parts of an interval split at the share t."""
     s = 1.0 - t
     c00, c01, c02, c03, c04, c05, c06 = c

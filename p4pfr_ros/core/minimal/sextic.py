@@ -29,8 +29,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..geometry import Array
-from ..jit import kernel
+from .cone import Cone
+from .four import dot, Four, minus, plus, Points, times
+from ..jit import inlined
 
 Seven = tuple[float, float, float, float, float, float, float]
 
@@ -65,72 +66,83 @@ class Value(NamedTuple):
     re: float  # Re(q z̄²)
 
 
-@kernel
-def factors(image: Array, m: Array, rays: Array, duals: Array) -> Factors:
-    """Return the six functions at both ends; duals is c as real and imaginary part, (4, 2)."""
-    u0 = u1 = v0 = v1 = l0 = l1 = p0 = p1 = 0.0j
-    n0 = n1 = d0 = d1 = 0.0
-    for i in range(4):
-        x, y = image[i, 0], image[i, 1]
-        a, b = rays[0, i], rays[1, i]
-        c = complex(duals[i, 0], duals[i, 1])
-        direct, mirrored = complex(x, y) * c, complex(x, -y) * c
-        r2 = x * x + y * y
-        u0 += a * direct
-        u1 += b * direct
-        v0 += a * mirrored
-        v1 += b * mirrored
-        l0 += a * c
-        l1 += b * c
-        p0 += a * r2 * c
-        p1 += b * r2 * c
-        n0 += a * m[i]
-        n1 += b * m[i]
-        d0 += a * m[i] * r2
-        d1 += b * m[i] * r2
-    return Factors(u0, u1, v0, v1, l0, l1, p0, p1, n0, n1, d0, d1)
+@inlined
+def factors(image: Points, m: Four, cone: Cone, duals: Points) -> Factors:
+    """Return the six functions at both ends of the cone; duals: the vectors c."""
+    x, y = image
+    c_x, c_y = duals
+    a, b = cone.a, cone.b
+    x_x, x_y, y_x, y_y = times(x, c_x), times(x, c_y), times(y, c_x), times(y, c_y)
+    direct = minus(x_x, y_y), plus(x_y, y_x)
+    mirrored = plus(x_x, y_y), minus(x_y, y_x)
+    r2 = plus(times(x, x), times(y, y))
+    a_r2, b_r2 = times(a, r2), times(b, r2)
+    return Factors(
+        complex(dot(a, direct[0]), dot(a, direct[1])),
+        complex(dot(b, direct[0]), dot(b, direct[1])),
+        complex(dot(a, mirrored[0]), dot(a, mirrored[1])),
+        complex(dot(b, mirrored[0]), dot(b, mirrored[1])),
+        complex(dot(a, c_x), dot(a, c_y)),
+        complex(dot(b, c_x), dot(b, c_y)),
+        complex(dot(a_r2, c_x), dot(a_r2, c_y)),
+        complex(dot(b_r2, c_x), dot(b_r2, c_y)),
+        dot(a, m),
+        dot(b, m),
+        dot(a_r2, m),
+        dot(b_r2, m),
+    )
 
 
-@kernel
+@inlined
+def factors_at(f: Factors, tau: float) -> tuple[complex, complex, complex, complex, float, float]:
+    """Return u, v, l, p, n and d at τ."""
+    s = 1.0 - tau
+    return (
+        complex(s * f.u0.real + tau * f.u1.real, s * f.u0.imag + tau * f.u1.imag),
+        complex(s * f.v0.real + tau * f.v1.real, s * f.v0.imag + tau * f.v1.imag),
+        complex(s * f.l0.real + tau * f.l1.real, s * f.l0.imag + tau * f.l1.imag),
+        complex(s * f.p0.real + tau * f.p1.real, s * f.p0.imag + tau * f.p1.imag),
+        s * f.n0 + tau * f.n1,
+        s * f.d0 + tau * f.d1,
+    )
+
+
+@inlined
+def _times(factor: float, z: complex) -> complex:
+    """Return factor z; Python and Numba would multiply by factor + 0i."""
+    return complex(factor * z.real, factor * z.imag)
+
+
+@inlined
 def evaluate(f: Factors, tau: float) -> Value:
     """Evaluate the sextic and its slope from the factors, not from coefficients."""
-    s = 1.0 - tau
-    u = s * f.u0 + tau * f.u1
-    v = s * f.v0 + tau * f.v1
-    l = s * f.l0 + tau * f.l1  # noqa: E741
-    p = s * f.p0 + tau * f.p1
-    n = s * f.n0 + tau * f.n1
-    d = s * f.d0 + tau * f.d1
+    u, v, l, p, n, d = factors_at(f, tau)  # noqa: E741
     dn = f.n1 - f.n0
     dd = f.d1 - f.d0
-    z = d * l - n * p
-    dz = dd * l + d * (f.l1 - f.l0) - dn * p - n * (f.p1 - f.p0)
+    z = _times(d, l) - _times(n, p)
+    dz = _times(dd, l) + _times(d, f.l1 - f.l0) - _times(dn, p) - _times(n, f.p1 - f.p0)
     q = u * v
     dq = (f.u1 - f.u0) * v + u * (f.v1 - f.v0)
     zz = (z * z).conjugate()
     product = q * zz
-    slope = (dq * zz + 2.0 * q * (z * dz).conjugate()).imag
+    slope = (dq * zz + (q + q) * (z * dz).conjugate()).imag
     return Value(product.imag, slope, u, v, z, n, d, product.real)
 
 
-@kernel
+@inlined
 def coefficients(f: Factors, low: float, high: float) -> Seven:
     """Return the sextic's Bernstein coefficients over an interval."""
     # Only the factors' values at the ends depend on the interval.
-    s, t = 1.0 - low, 1.0 - high
-    u0, u1 = s * f.u0 + low * f.u1, t * f.u0 + high * f.u1
-    v0, v1 = s * f.v0 + low * f.v1, t * f.v0 + high * f.v1
-    l0, l1 = s * f.l0 + low * f.l1, t * f.l0 + high * f.l1
-    p0, p1 = s * f.p0 + low * f.p1, t * f.p0 + high * f.p1
-    n0, n1 = s * f.n0 + low * f.n1, t * f.n0 + high * f.n1
-    d0, d1 = s * f.d0 + low * f.d1, t * f.d0 + high * f.d1
+    u0, v0, l0, p0, n0, d0 = factors_at(f, low)
+    u1, v1, l1, p1, n1, d1 = factors_at(f, high)
     # Bernstein coefficients, each times its binomial, multiply like polynomials. q has degree 2,
     # z degree 2, w = z̄² degree 4.
     q0, q1, q2 = u0 * v0, u0 * v1 + u1 * v0, u1 * v1
-    z0 = (d0 * l0 - n0 * p0).conjugate()
-    z1 = (d0 * l1 + d1 * l0 - n0 * p1 - n1 * p0).conjugate()
-    z2 = (d1 * l1 - n1 * p1).conjugate()
-    w0, w1, w2, w3, w4 = z0 * z0, 2.0 * z0 * z1, z1 * z1 + 2.0 * z0 * z2, 2.0 * z1 * z2, z2 * z2
+    z0 = (_times(d0, l0) - _times(n0, p0)).conjugate()
+    z1 = (_times(d0, l1) + _times(d1, l0) - _times(n0, p1) - _times(n1, p0)).conjugate()
+    z2 = (_times(d1, l1) - _times(n1, p1)).conjugate()
+    z00 = z0 + z0
+    w0, w1, w2, w3, w4 = z0 * z0, z00 * z1, z1 * z1 + z00 * z2, (z1 + z1) * z2, z2 * z2
     return (
         (q0 * w0).imag,
         (q0 * w1 + q1 * w0).imag * (1.0 / 6.0),

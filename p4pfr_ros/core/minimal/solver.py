@@ -17,16 +17,15 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .cone import board_weights, depth_cone
-from .pose import board_duals, place_centroid, polish, pose_from_root, scale_image, unscale
-from .roots import feasible_roots, MAX_ROOTS, STACK_SHAPE
-from .sextic import factors
-from .solution import G, H, ROW_SIZE, Solution, solution_from_row
+from .block import BLOCK, block_work, padded, put_sample
+from .four import points_of
+from .lanes import solve_block
+from .one import solve_minimal, UNFOLDED, workspace
+from .solution import G, H, MAX_SOLUTIONS, ROW_SIZE, Solution, solutions_from_rows
 from ..geometry import (
     Array,
     as_board_points,
@@ -37,14 +36,12 @@ from ..geometry import (
     read_only,
     TRANSLATION,
 )
-from ..jit import jit, kernel
+from ..jit import jit
 
-# Upper bound of k r². A lens with k > 0 folds at r = 1/√k: a point projects to the nearer of two
-# pixels, and a solution with the farther one satisfies the equations, but not the projection.
-UNFOLDED = 1.0
+_DOUBLE = np.dtype(np.float64)
 
-# A solution with a larger residual, as ``polish`` measures it, is rejected.
-_MAX_RESIDUAL = 1e-9
+# The number of solutions of a problem with a number that is not finite.
+_NOT_FINITE = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -106,11 +103,21 @@ def solve_p4pfr(image_points: ArrayLike, board_points: ArrayLike) -> list[Soluti
     radial distortion from four planar points", arXiv:1805.10705.
 
     """
-    image = as_image_points(image_points, 'image_points', 4)
-    board = as_board_points(board_points, 'board_points', 4)
-    rows = np.empty((MAX_ROOTS, ROW_SIZE))
-    count = _solve_one(image, board, rows)
-    return [solution_from_row(row, (0.0, 0.0)) for row in rows[:count]]
+    problem, rows = np.empty((2, 4, 2)), np.empty((MAX_SOLUTIONS, ROW_SIZE))
+    count = _NOT_FINITE
+    if _is_usual(image_points) and _is_usual(board_points):
+        problem[0], problem[1] = image_points, board_points
+        count = _solve_one(problem, rows)
+    if count == _NOT_FINITE:
+        problem[0] = as_image_points(image_points, 'image_points', 4)
+        problem[1] = as_board_points(board_points, 'board_points', 4)
+        count = _solve_one(problem, rows)
+    return solutions_from_rows(rows[:count], (0.0, 0.0))
+
+
+def _is_usual(points: ArrayLike) -> bool:
+    """Return whether the points need no conversion, only a check that they are finite."""
+    return type(points) is np.ndarray and points.shape == (4, 2) and points.dtype is _DOUBLE
 
 
 def solve_p4pfr_batch(
@@ -132,7 +139,7 @@ def solve_p4pfr_batch(
     image = as_points(image_points, 'image_points', (None, 4, 2))
     board = as_points(board_points, 'board_points', (len(image), 4, 2))
     n = len(image)
-    rows = np.empty((n, MAX_ROOTS, ROW_SIZE))
+    rows = np.empty((n, MAX_SOLUTIONS, ROW_SIZE))
     count = np.empty(n, dtype=np.int64)
     if workers == 1:
         _solve_all(image, board, rows, count)
@@ -143,98 +150,41 @@ def solve_p4pfr_batch(
     return SolutionBatch(
         count,
         rows[..., G],
-        rows[..., H] * rows[..., G],
-        rows[..., :TRANSLATION].reshape(n, MAX_ROOTS, 3, 3),
+        rows[..., H],
+        rows[..., :TRANSLATION].reshape(n, MAX_SOLUTIONS, 3, 3),
         rows[..., TRANSLATION:G],
     )
 
 
-class Workspace(NamedTuple):
-    """Workspace of one solve, allocated once: the kernels allocate nothing."""
-
-    sample_image: Array
-    sample_board: Array
-    image: Array
-    radius: Array
-    board: Array
-    duals: Array
-    weights: Array
-    plane: Array
-    rays: Array
-    roots: Array
-    stack: Array
-    system: Array
-    trial: Array
-
-
 @jit
-def workspace() -> Workspace:
-    """Allocate the workspace of ``solve_minimal``."""
-    return Workspace(
-        np.empty((4, 2)),
-        np.empty((4, 2)),
-        np.empty((4, 2)),
-        np.empty(4),
-        np.empty((4, 2)),
-        np.empty((4, 2)),
-        np.empty(4),
-        np.empty((4, 4)),
-        np.empty((2, 4)),
-        np.empty(MAX_ROOTS),
-        np.empty(STACK_SHAPE),
-        np.empty((8, 9)),
-        np.empty(ROW_SIZE),
-    )
-
-
-@jit
-def _solve_one(image: Array, board: Array, rows: Array) -> int:
+def _solve_one(problem: Array, rows: Array) -> int:
+    """Solve image points problem[0] and board points problem[1]; check that they are finite."""
+    finite = True
+    for i in range(4):
+        for j in range(2):
+            finite = finite and abs(problem[0, i, j]) < math.inf > abs(problem[1, i, j])
+    if not finite:
+        return _NOT_FINITE
+    image, board = points_of(problem[0]), points_of(problem[1])
     return solve_minimal(image, board, UNFOLDED, rows, workspace())
 
 
 @jit
 def _solve_all(image: Array, board: Array, rows: Array, count: Ints) -> None:
-    _solve_each(image, board, rows, count, workspace())
-
-
-@kernel
-def _solve_each(image: Array, board: Array, rows: Array, count: Ints, work: Workspace) -> None:
-    for i in range(len(count)):
-        count[i] = solve_minimal(image[i], board[i], UNFOLDED, rows[i], work)
-        for s in range(count[i], MAX_ROOTS):
-            for j in range(ROW_SIZE):
-                rows[i, s, j] = math.nan
-
-
-@kernel
-def solve_minimal(
-    image: Array, board: Array, max_bend: float, rows: Array, work: Workspace
-) -> int:
-    """
-    Write the solutions of one problem to ``rows`` and return their number.
-
-    max_bend bounds k r² at the farthest point (k and r in the same unit); infinity: no bound.
-
-    rows (6, ROW_SIZE), see ``solution``; rows past the number are undefined.
-    """
-    scale_px = scale_image(image, work.image, work.radius)
-    if not (scale_px > 0.0 and board_weights(board, work.weights)):
-        return 0
-    if not depth_cone(work.image, work.radius, work.weights, work.plane, work.rays):
-        return 0
-    size = board_duals(board, work.board, work.duals)
-    f = factors(work.image, work.weights, work.rays, work.duals)
-    count = 0
-    for i in range(feasible_roots(f, max_bend, work.roots, work.stack)):
-        row = rows[count]
-        tau = work.roots[i]
-        if not pose_from_root(f, tau, row):
-            continue
-        place_centroid(work.rays, tau, work.image, row)
-        if polish(row, work.image, work.board, work.system, work.trial) > _MAX_RESIDUAL:
-            continue
-        if not row[G] > 0.0:
-            continue
-        unscale(row, board, scale_px, size)
-        count += 1
-    return count
+    """Solve all problems, block by block; replace h by k; fill rows past each count with NaN."""
+    block = block_work()
+    n = len(count)
+    for start in range(0, n, BLOCK):
+        stop = min(start + BLOCK, n)
+        size = stop - start
+        # The last problem fills lanes that are left.
+        for at in range(padded(size)):
+            i = start + min(at, size - 1)
+            put_sample(points_of(image[i]), points_of(board[i]), at, block)
+        solve_block(size, UNFOLDED, rows[start:stop], count[start:stop], block)
+        for i in range(start, stop):
+            for s in range(count[i]):
+                rows[i, s, H] *= rows[i, s, G]
+            for s in range(count[i], MAX_SOLUTIONS):
+                for j in range(ROW_SIZE):
+                    rows[i, s, j] = math.nan

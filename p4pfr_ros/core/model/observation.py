@@ -25,6 +25,7 @@ from ..geometry import (
     Mask,
     Pose,
     POSE_SIZE,
+    read_only,
     TRANSLATION,
 )
 from ..jit import jit
@@ -93,7 +94,7 @@ class Observation:
     def pose_from_row(self, row: Array) -> Pose:
         """Return ``camera_from_board``, board units, from the scaled board's pose (≥ 12,)."""
         rotation = row[:TRANSLATION].reshape(3, 3).copy()
-        return Pose.unchecked(rotation, self.translation_from_row(row))
+        return Pose.unchecked(read_only(rotation), read_only(self.translation_from_row(row)))
 
     def translation_from_row(self, row: Array) -> Array:
         """Return the translation in board units from the scaled board's t:  s t - R m."""

@@ -212,6 +212,7 @@ def another_focal_fits(row: Array, problem: Problem, limit: float, excess: float
             prior,
             problem.rays,
             problem.across,
+            problem.squares,
         )
         # The size in the image and the bend stay the same: the distance scales with f, h with g.
         other = row.copy()

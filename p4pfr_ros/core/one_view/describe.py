@@ -52,6 +52,7 @@ from ..cameras.division import DivisionCamera
 from ..geometry import Array
 from ..jit import jit
 from ..linalg import copy_row
+from ..minimal.one import workspace
 from ..minimal.solution import G, H, ROW_SIZE, Solution
 from ..model.observation import CenteredView
 from ..model.prior import BEND_SIGMA, FOCAL_SIGMA, typical_focal_px
@@ -343,7 +344,7 @@ def assessment(n: int) -> Assessment:
 @jit
 def inliers_of(row: Array, problem: Problem, limit: float, squares: Array) -> tuple[int, float]:
     """Write the squared errors; return the number and the sum of those below the limit."""
-    squared_errors(row, problem, squares)
+    squared_errors(row, problem, 0, len(squares), squares)
     count = 0
     total = 0.0
     for square in squares:
@@ -463,7 +464,7 @@ def _swap_with_better(row: Array, cost: float, others: int, arrays: Assessment) 
 @jit
 def solve_four(problem: Problem, rows: Array) -> int:
     """Write the solutions of exactly four points; return their number."""
-    return hypotheses(problem, np.arange(4), rows, ransac_work().solver)
+    return hypotheses(problem, np.arange(4), rows, workspace())
 
 
 @jit

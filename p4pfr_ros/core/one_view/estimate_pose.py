@@ -33,8 +33,7 @@ from ..cameras.camera_info import CameraInfoModel, checked_image_size
 from ..cameras.closest_division import division_camera_from_model
 from ..cameras.division import DivisionCamera
 from ..geometry import Array, as_points
-from ..minimal.roots import MAX_ROOTS
-from ..minimal.solution import G, H, ROW_SIZE
+from ..minimal.solution import G, H, MAX_SOLUTIONS, ROW_SIZE
 from ..model.board_shape import BoardShape
 from ..model.observation import (
     CenteredView,
@@ -240,8 +239,8 @@ def _closest(model: CameraInfoModel) -> DivisionCamera:
 def _estimate_from_four(view: ViewProblem) -> PoseEstimate:
     """Estimate from exactly four points: rank all solutions."""
     problem = view.problem()
-    rows = np.empty((MAX_ROOTS + 1, ROW_SIZE))
-    costs = np.empty(MAX_ROOTS + 1)
+    rows = np.empty((MAX_SOLUTIONS + 1, ROW_SIZE))
+    costs = np.empty(MAX_SOLUTIONS + 1)
     count = solve_four(problem, rows)
     if problem.unknowns == POSE:
         return _pose_of_four(view, problem, rows[:count])

@@ -19,9 +19,10 @@ import math
 from typing import NamedTuple
 
 from ..geometry import Array, TRANSLATION
-from ..jit import kernel
-from ..minimal.solution import G, H, ROW_SIZE
-from ..minimal.solver import solve_minimal, UNFOLDED, Workspace
+from ..jit import inlined, kernel, vectorised_kernel
+from ..minimal.four import Points
+from ..minimal.one import solve_minimal, UNFOLDED, Workspace
+from ..minimal.solution import G, H, load_row, Row, ROW_SIZE
 from ..model.normal_equations import add_point, fill_pose_columns
 
 _SMALLEST_W = 1e-100
@@ -37,16 +38,21 @@ class Gates(NamedTuple):
 
 
 @kernel
-def hypotheses(gates: Gates, rows: Array, work: Workspace) -> int:
+def hypotheses(image: Points, board: Points, gates: Gates, rows: Array, work: Workspace) -> int:
     """Solve the sample; write the plausible solutions to rows; return their number."""
-    count = 0
-    solved = solve_minimal(work.sample_image, work.sample_board, UNFOLDED, rows, work)
-    for s in range(solved):
+    return keep_plausible(gates, rows, solve_minimal(image, board, UNFOLDED, rows, work))
+
+
+@kernel
+def keep_plausible(gates: Gates, rows: Array, count: int) -> int:
+    """Keep the first rows that are plausible, in their order; return their number."""
+    kept = 0
+    for s in range(count):
         if plausible(rows[s], gates):
             for j in range(ROW_SIZE):
-                rows[count, j] = rows[s, j]
-            count += 1
-    return count
+                rows[kept, j] = rows[s, j]
+            kept += 1
+    return kept
 
 
 @kernel
@@ -61,28 +67,27 @@ def plausible(row: Array, gates: Gates) -> bool:
     )
 
 
-@kernel
-def squared_error(row: Array, board: Array, image: Array, i: int) -> float:
-    """Return the squared reprojection error of point i; infinite if it is not visible."""
-    bx, by = board[i, 0], board[i, 1]
-    x = row[0] * bx + row[1] * by + row[TRANSLATION]
-    y = row[3] * bx + row[4] * by + row[TRANSLATION + 1]
-    z = row[6] * bx + row[7] * by + row[TRANSLATION + 2]
+@inlined
+def squared_error(row: Row, bx: float, by: float, x_px: float, y_px: float) -> float:
+    """Return the squared reprojection error of a board point; infinite if it is not visible."""
+    x = row[0] * bx + row[1] * by + row[9]
+    y = row[3] * bx + row[4] * by + row[10]
+    z = row[6] * bx + row[7] * by + row[11]
     sigma = _scale(x, y, z, row[G], row[H])
-    dx, dy = sigma * x - image[i, 0], sigma * y - image[i, 1]
+    dx, dy = sigma * x - x_px, sigma * y - y_px
     error: float = dx * dx + dy * dy
     return error if error < math.inf else math.inf
 
 
-@kernel
-def truncated_sum(row: Array, board: Array, image: Array, limit: float, enough: float) -> float:
-    """Sum the squared errors, each truncated at limit; stop if the sum exceeds enough."""
-    total = 0.0
-    for i in range(len(image)):
-        total += min(squared_error(row, board, image, i), limit)
-        if total > enough:
-            break
-    return total
+@vectorised_kernel
+def squared_errors(
+    row: Array, board: Array, image: Array, start: int, stop: int, squares: Array
+) -> None:
+    """Write the squared errors of the points from start to stop."""
+    # The row as numbers: if the errors might overwrite it, the loop would not vectorise.
+    r = load_row(row)
+    for i in range(start, stop):
+        squares[i] = squared_error(r, board[i, 0], board[i, 1], image[i, 0], image[i, 1])
 
 
 @kernel
@@ -122,18 +127,17 @@ def add_points(
     return count
 
 
-@kernel
+@inlined
 def _scale(x: float, y: float, z: float, g: float, h: float) -> float:
     """Return σ of a point of the camera's frame; NaN if no pixel sees it."""
     gh4 = 4.0 * g * h
     rho2 = x * x + y * y
     square = z * z - gh4 * rho2
-    if not square >= 0.0:
-        return math.nan
-    w = math.sqrt(square)
+    w = math.sqrt(max(square, 0.0))
     # Behind the image plane Z + w cancels; the other form of the same root does not.
-    sigma = 2.0 * g / (z + w) if z > 0.0 else 2.0 * g * (z - w) / (gh4 * rho2)
-    return sigma if sigma > 0.0 else math.nan
+    numerator = 2.0 * g if z > 0.0 else 2.0 * g * (z - w)
+    sigma = numerator / (z + w if z > 0.0 else gh4 * rho2)
+    return sigma if square >= 0.0 and sigma > 0.0 else math.nan
 
 
 class Prior(NamedTuple):

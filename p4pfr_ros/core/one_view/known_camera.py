@@ -21,9 +21,9 @@ import numpy as np
 from ..geometry import Array, Ints, TRANSLATION
 from ..jit import kernel
 from ..minimal.cone import board_weights
-from ..minimal.pose import board_duals, orthogonal_factor, unscale
-from ..minimal.solution import G, H, ROW_SIZE
-from ..minimal.solver import Workspace
+from ..minimal.four import dot, Four, Points, sum_of
+from ..minimal.pose import orthogonal_factor, scale_board, unscale
+from ..minimal.solution import G, H, ROW_SIZE, store_row
 from ..model.lens import ASPECT, depth_and_slope, FOCAL, inverse_decentring, with_decentring
 from ..model.normal_equations import add_point, fill_pose_columns
 
@@ -60,12 +60,12 @@ def rays_and_across(image: Array, lens: Array, rays: Array, across: Array) -> No
 
 
 @kernel
-def hypothesis(rays: Array, chosen: Ints, row: Array, work: Workspace) -> int:
+def hypothesis(rays: Array, board_points: Points, chosen: Ints, row: Array) -> int:
     """Write the pose of the sample to row; return 1, or 0 if it has none."""
     a, b, c, d = rays[chosen[0]], rays[chosen[1]], rays[chosen[2]], rays[chosen[3]]
-    m = work.weights
+    has_weights, m = board_weights(board_points)
     # With three collinear board points Cramer's rule does not determine the fourth's depth.
-    if not board_weights(work.sample_board, m) or m[0] * m[1] * m[2] * m[3] == 0.0:
+    if not has_weights or m[0] * m[1] * m[2] * m[3] == 0.0:
         return 0
     depths = (
         _determinant(b, c, d) / m[0],
@@ -75,42 +75,30 @@ def hypothesis(rays: Array, chosen: Ints, row: Array, work: Workspace) -> int:
     )
     if min(depths) * max(depths) <= 0.0:
         return 0
-    size = board_duals(work.sample_board, work.board, work.duals)
-    if not _pose_from_depths(depths, (a, b, c, d), work.duals, row):
+    board = scale_board(board_points)
+    # The points Qᵢ = λᵢ ρᵢ are the board's corners up to scale.
+    sign = 1.0 if depths[0] > 0.0 else -1.0
+    x = _along(depths, sign, a[0], b[0], c[0], d[0])
+    y = _along(depths, sign, a[1], b[1], c[1], d[1])
+    z = _along(depths, sign, a[2], b[2], c[2], d[2])
+    c_x, c_y = board.duals
+    inverse_scale, rotation = orthogonal_factor(
+        complex(dot(x, c_x), dot(x, c_y)),
+        complex(dot(y, c_x), dot(y, c_y)),
+        complex(dot(z, c_x), dot(z, c_y)),
+    )
+    if not inverse_scale > 0.0:
         return 0
-    row[G], row[H] = 1.0, 0.0
-    unscale(row, work.sample_board, 1.0, size)
+    quarter = 0.25 * inverse_scale
+    centroid = (quarter * sum_of(x), quarter * sum_of(y), quarter * sum_of(z))
+    store_row(unscale((*rotation, *centroid, 1.0, 0.0), 1.0, board.frame), row)
     return 1
 
 
 @kernel
-def _pose_from_depths(
-    depths: tuple[float, float, float, float],
-    rays: tuple[Array, Array, Array, Array],
-    duals: Array,
-    row: Array,
-) -> bool:
-    """Write rotation and centroid of the points Qᵢ = λᵢ ρᵢ, the board's corners up to scale."""
-    sign = 1.0 if depths[0] > 0.0 else -1.0
-    h1 = h2 = h3 = 0.0j
-    mx = my = mz = 0.0
-    for i in range(4):
-        depth = sign * depths[i]
-        c = complex(duals[i, 0], duals[i, 1])
-        x, y, z = depth * rays[i][0], depth * rays[i][1], depth * rays[i][2]
-        h1 += x * c
-        h2 += y * c
-        h3 += z * c
-        mx += 0.25 * x
-        my += 0.25 * y
-        mz += 0.25 * z
-    scale = orthogonal_factor(h1, h2, h3, row)
-    if not scale > 0.0:
-        return False
-    row[TRANSLATION] = mx / scale
-    row[TRANSLATION + 1] = my / scale
-    row[TRANSLATION + 2] = mz / scale
-    return True
+def _along(depths: Four, sign: float, a: float, b: float, c: float, d: float) -> Four:
+    """Return one coordinate of the four points."""
+    return sign * depths[0] * a, sign * depths[1] * b, sign * depths[2] * c, sign * depths[3] * d
 
 
 @kernel
@@ -137,19 +125,6 @@ def squared_error(row: Array, board: Array, rays: Array, across: Array, i: int) 
     ey = (across[i, 1, 0] * x + across[i, 1, 1] * y + across[i, 1, 2] * z) / along
     error: float = ex * ex + ey * ey
     return error
-
-
-@kernel
-def truncated_sum(
-    row: Array, board: Array, rays: Array, across: Array, limit: float, enough: float
-) -> float:
-    """Sum the squared errors, each truncated at limit; stop if the sum exceeds enough."""
-    total = 0.0
-    for i in range(len(board)):
-        total += min(squared_error(row, board, rays, across, i), limit)
-        if total > enough:
-            break
-    return total
 
 
 @kernel

@@ -21,8 +21,9 @@ from ..cameras.division import DivisionCamera
 from ..geometry import Array, Ints, TRANSLATION
 from ..jit import jit, kernel
 from ..linalg import copy_row, invert_information, rotate, solve_in_place
+from ..minimal.four import chosen_points
+from ..minimal.one import Workspace
 from ..minimal.solution import G, H, ROW_SIZE
-from ..minimal.solver import Workspace
 from ..model.lens import lens_from_camera
 from ..model.normal_equations import COLUMNS
 from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, pose_to_public
@@ -30,6 +31,9 @@ from ..model.uncertainty import COV_FOCAL, COV_K, COVARIANCE_SIZE, pose_to_publi
 # Number of unknowns: pose and camera, or pose alone if the camera is known.
 POSE_AND_CAMERA = 8
 POSE = 6
+
+# Points between two tests whether a sum is large enough: they fill the lanes of the machine.
+_CHUNK = 32
 
 # Damping, relative to the diagonal of JᵀJ.
 _FIRST_DAMPING = 1e-4
@@ -43,6 +47,7 @@ class Problem(NamedTuple):
 
     image (N, 2) px from the centre, board (N, 2) scaled; unknowns: POSE_AND_CAMERA or POSE. With
     a known camera, rays (N, 3) are ρ and across (N, 2, 3) is W of ``known_camera``.
+    squares (N,) is workspace.
     """
 
     image: Array
@@ -52,17 +57,19 @@ class Problem(NamedTuple):
     prior: Prior
     rays: Array
     across: Array
+    squares: Array
 
 
 def free_problem(image: Array, board: Array, gates: Gates, prior: Prior = NO_PRIOR) -> Problem:
     """Make the problem of pose and camera."""
-    return Problem(image, board, POSE_AND_CAMERA, gates, prior, _NO_RAYS, _NO_ACROSS)
+    squares = np.empty(len(board))
+    return Problem(image, board, POSE_AND_CAMERA, gates, prior, _NO_RAYS, _NO_ACROSS, squares)
 
 
 def known_problem(image: Array, board: Array, gates: Gates, camera: DivisionCamera) -> Problem:
     """Make the problem of the pose alone."""
     rays, across = _rays_and_across(image, lens_from_camera(camera, camera.center_px))
-    return Problem(image, board, POSE, gates, NO_PRIOR, rays, across)
+    return Problem(image, board, POSE, gates, NO_PRIOR, rays, across, np.empty(len(board)))
 
 
 @jit
@@ -79,13 +86,11 @@ _NO_ACROSS = np.empty((0, 2, 3))
 @jit
 def hypotheses(problem: Problem, chosen: Ints, rows: Array, work: Workspace) -> int:
     """Solve for the four chosen points; write the plausible solutions; return their number."""
-    for i in range(4):
-        for j in range(2):
-            work.sample_image[i, j] = problem.image[chosen[i], j]
-            work.sample_board[i, j] = problem.board[chosen[i], j]
+    board = chosen_points(problem.board, chosen)
     if problem.unknowns == POSE:
-        return known_camera.hypothesis(problem.rays, chosen, rows[0], work)
-    return free_camera.hypotheses(problem.gates, rows, work)
+        return known_camera.hypothesis(problem.rays, board, chosen, rows[0])
+    image = chosen_points(problem.image, chosen)
+    return free_camera.hypotheses(image, board, problem.gates, rows, work)
 
 
 @jit
@@ -95,20 +100,30 @@ def plausible(row: Array, problem: Problem) -> bool:
 
 
 @jit
-def squared_error(row: Array, problem: Problem, i: int) -> float:
-    """Return the squared reprojection error of point i, px²; infinite if it is not visible."""
+def squared_errors(row: Array, problem: Problem, start: int, stop: int, squares: Array) -> None:
+    """Write the squared reprojection errors, px²; infinite for points that are not visible."""
+    board = problem.board
     if problem.unknowns == POSE:
-        return known_camera.squared_error(row, problem.board, problem.rays, problem.across, i)
-    return free_camera.squared_error(row, problem.board, problem.image, i)
+        for i in range(start, stop):
+            squares[i] = known_camera.squared_error(row, board, problem.rays, problem.across, i)
+    else:
+        free_camera.squared_errors(row, board, problem.image, start, stop, squares)
 
 
 @jit
 def truncated_sum(row: Array, problem: Problem, limit: float, enough: float) -> float:
     """Sum the squared errors, each truncated at limit, px²; stop if the sum exceeds enough."""
-    board = problem.board
-    if problem.unknowns == POSE:
-        return known_camera.truncated_sum(row, board, problem.rays, problem.across, limit, enough)
-    return free_camera.truncated_sum(row, board, problem.image, limit, enough)
+    total = 0.0
+    squares, n = problem.squares, len(problem.board)
+    for start in range(0, n, _CHUNK):
+        stop = min(start + _CHUNK, n)
+        squared_errors(row, problem, start, stop, squares)
+        # In the order of the points, on every machine: rounding must not depend on its lanes.
+        for i in range(start, stop):
+            total += min(squares[i], limit)
+        if total > enough:
+            break
+    return total
 
 
 @jit
@@ -136,19 +151,13 @@ def add_points(row: Array, problem: Problem, limit: float, jacobian: Array, norm
 
 
 @jit
-def squared_errors(row: Array, problem: Problem, squares: Array) -> None:
-    """Write the squared errors, (N,) px²."""
-    for i in range(len(problem.image)):
-        squares[i] = squared_error(row, problem, i)
-
-
-@jit
 def count_within(row: Array, problem: Problem, limit: float) -> int:
     """Return how many squared errors are below the limit, px²."""
+    squares, n = problem.squares, len(problem.board)
+    squared_errors(row, problem, 0, n, squares)
     count = 0
-    for i in range(len(problem.image)):
-        if squared_error(row, problem, i) < limit:
-            count += 1
+    for i in range(n):
+        count += 1 if squares[i] < limit else 0
     return count
 
 

@@ -27,9 +27,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from . import known_camera
+from .free_camera import keep_plausible
 from .least_squares import (
     count_within,
-    hypotheses,
     least_squares_work,
     LeastSquaresWork,
     minimise,
@@ -39,11 +40,13 @@ from .least_squares import (
     truncated_cost,
 )
 from ..geometry import Array, Ints
-from ..jit import jit
+from ..jit import jit, part_of_kernel
 from ..linalg import copy_row
-from ..minimal.roots import MAX_ROOTS
-from ..minimal.solution import ROW_SIZE
-from ..minimal.solver import Workspace, workspace
+from ..minimal.block import BLOCK, Block, block_work, LANES, padded, put_sample
+from ..minimal.four import chosen_points
+from ..minimal.lanes import solve_block
+from ..minimal.one import UNFOLDED, Workspace, workspace
+from ..minimal.solution import MAX_SOLUTIONS, ROW_SIZE
 
 # A new best hypothesis is refined in few steps, at first with a wide gate: a model of four noisy
 # points is far from many of its inliers.
@@ -110,10 +113,36 @@ def ransac_work() -> RansacWork:
     """Allocate the workspace; in compiled code this costs less than passing it as an argument."""
     return RansacWork(
         np.empty(4, dtype=np.int64),
-        np.empty((MAX_ROOTS, ROW_SIZE)),
+        np.empty((MAX_SOLUTIONS, ROW_SIZE)),
         np.empty(ROW_SIZE),
         workspace(),
         least_squares_work(),
+    )
+
+
+class Samples(NamedTuple):
+    """
+    Samples drawn ahead, so that the solver takes many at once.
+
+    chosen (BLOCK, 4); number (BLOCK,): how many had been drawn with each; rows (BLOCK, 6,
+    ROW_SIZE) and solved (BLOCK,): their hypotheses.
+    """
+
+    chosen: Ints
+    number: Ints
+    rows: Array
+    solved: Ints
+    block: Block
+
+
+@part_of_kernel
+def _samples() -> Samples:
+    return Samples(
+        np.empty((BLOCK, 4), dtype=np.int64),
+        np.empty(BLOCK, dtype=np.int64),
+        np.empty((BLOCK, MAX_SOLUTIONS, ROW_SIZE)),
+        np.empty(BLOCK, dtype=np.int64),
+        block_work(),
     )
 
 
@@ -123,38 +152,99 @@ def search_best(problem: Problem, search: Search, best: Array) -> tuple[int, flo
     Find the model with the smallest truncated cost; write it to ``best`` (ROW_SIZE,).
 
     Return the number of samples and the cost in px², which is infinite if none had a solution.
+    The result does not depend on how many samples are drawn ahead.
     """
-    work = ransac_work()
+    work, samples = ransac_work(), _samples()
     cost = math.inf
     state = first_state(search.seed)
     smallest = smallest_triangles(problem.board, search.limit)
     n = len(problem.image)
     fruitless = _FRUITLESS * samples_needed(search.fewest, n, search.confidence)
     fruitless = max(fruitless, _FRUITLESS_SAMPLES)
-    needed = fruitless
-    at_least = search.min_iterations
-    iteration = 0
-    while iteration < search.max_iterations:
-        if iteration >= min(at_least, search.min_iterations) and iteration >= needed:
-            break
-        iteration += 1
-        state = draw_sample(problem.image, problem.board, smallest, state, work.chosen)
-        if problem.unknowns > POSE and _contradictory(problem.image, problem.board, work.chosen):
+    last = _last_sample(fruitless, search.min_iterations, search)
+    number = drawn = waiting = at = 0
+    ahead = LANES
+    while True:
+        if at == waiting:
+            if drawn >= last:
+                break
+            waiting, drawn, state = _draw_ahead(
+                problem, smallest, ahead, last, drawn, state, samples
+            )
+            at, ahead = 0, min(2 * ahead, BLOCK)
             continue
-        for s in range(hypotheses(problem, work.chosen, work.rows, work.solver)):
-            row = work.rows[s]
+        if samples.number[at] > last:
+            break
+        number = samples.number[at]
+        for s in range(samples.solved[at]):
+            row = samples.rows[at, s]
             score = truncated_cost(row, problem, search.limit, cost)
             if not score < cost:
                 continue
             copy_row(row, best)
             cost = _local_optimum(score, problem, search.limit, best, work)
             inliers = count_within(best, problem, search.limit)
+            at_least = search.min_iterations
             if inliers == n and 2 * inliers >= problem.unknowns + _MANY:
-                at_least = _FEW_SAMPLES
+                at_least = min(at_least, _FEW_SAMPLES)
             needed = fruitless
             if inliers >= search.fewest:
                 needed = samples_needed(inliers, n, search.confidence)
-    return iteration, cost
+            last = _last_sample(needed, at_least, search)
+        at += 1
+    return max(number, last), cost
+
+
+@part_of_kernel
+def _last_sample(needed: float, at_least: int, search: Search) -> int:
+    """Return after how many samples the search ends."""
+    most = search.max_iterations
+    return min(max(math.ceil(min(needed, most)), at_least), most)
+
+
+@part_of_kernel
+def _draw_ahead(
+    problem: Problem,
+    smallest: tuple[float, float],
+    wanted: int,
+    last: int,
+    drawn: int,
+    state: int,
+    samples: Samples,
+) -> tuple[int, int, int]:
+    """
+    Draw and solve samples until enough are possible, or the last has been drawn.
+
+    Return how many are possible, how many have been drawn, and the generator's next state.
+    """
+    n = 0
+    while n < wanted and drawn < last:
+        drawn += 1
+        chosen = samples.chosen[n]
+        state = draw_sample(problem.image, problem.board, smallest, state, chosen)
+        if problem.unknowns == POSE or not _contradictory(problem.image, problem.board, chosen):
+            samples.number[n] = drawn
+            n += 1
+    if problem.unknowns == POSE:
+        for i in range(n):
+            board = chosen_points(problem.board, samples.chosen[i])
+            rays, row = problem.rays, samples.rows[i, 0]
+            samples.solved[i] = known_camera.hypothesis(rays, board, samples.chosen[i], row)
+    else:
+        _solve(problem, n, samples)
+    return n, drawn, state
+
+
+@part_of_kernel
+def _solve(problem: Problem, n: int, samples: Samples) -> None:
+    """Write the plausible hypotheses of the first n samples."""
+    for at in range(padded(n)):
+        chosen = samples.chosen[min(at, n - 1)]
+        image, board = chosen_points(problem.image, chosen), chosen_points(problem.board, chosen)
+        put_sample(image, board, at, samples.block)
+    solve_block(n, UNFOLDED, samples.rows, samples.solved, samples.block)
+    for i in range(n):
+        samples.solved[i] = keep_plausible(problem.gates, samples.rows[i], samples.solved[i])
 
 
 @jit

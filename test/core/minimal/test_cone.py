@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from laws import law
 import numpy as np
 from p4pfr_ros.core.minimal.cone import board_weights, depth_cone
+from p4pfr_ros.core.minimal.four import points_of
 from p4pfr_ros.core.minimal.pose import scale_image
 import pytest
 
@@ -18,16 +19,15 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def weights(board):
-    m = np.full(4, np.nan)
-    return m if board_weights(np.asarray(board, dtype=float), m) else None
+    exists, m = board_weights(points_of(np.asarray(board, dtype=float)))
+    return np.array(m) if exists else None
 
 
 def cone(image, m):
     """Return the extreme rays (2, 4), or None, with the image as the solver scales it."""
-    scaled, radius, rays = np.empty((4, 2)), np.empty(4), np.full((2, 4), np.nan)
-    scale_image(np.asarray(image, dtype=float), scaled, radius)
-    exists = depth_cone(scaled, radius, m, np.empty((4, 4)), rays)
-    return rays if exists else None
+    _, scaled, radius = scale_image(points_of(np.asarray(image, dtype=float)))
+    found = depth_cone(scaled, radius, tuple(m))
+    return np.array([found.a, found.b]) if found.opens else None
 
 
 def image_from_depths(board, depths):

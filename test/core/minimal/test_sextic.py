@@ -6,6 +6,8 @@
 from hypothesis import strategies as st
 from laws import law
 import numpy as np
+from p4pfr_ros.core.minimal.cone import Cone
+from p4pfr_ros.core.minimal.four import points_of
 from p4pfr_ros.core.minimal.roots import feasible_roots, MAX_ROOTS, STACK_SHAPE
 from p4pfr_ros.core.minimal.sextic import coefficients, evaluate, Factors, factors
 import pytest
@@ -81,7 +83,8 @@ def test_factors_equal_the_sums_that_define_them(seed):
     tau = rng.uniform()
     depths = (1.0 - tau) * rays[0] + tau * rays[1]
     xi, c, r2 = image @ [1, 1j], duals @ [1, 1j], np.sum(image**2, axis=1)
-    at = evaluate(factors(image, m, rays, duals), tau)
+    cone = Cone(True, tuple(rays[0]), tuple(rays[1]))
+    at = evaluate(factors(points_of(image), tuple(m), cone, points_of(duals)), tau)
     n, d = np.sum(m * depths), np.sum(m * r2 * depths)
     assert at.u == pytest.approx(np.sum(depths * xi * c), abs=1e-12)
     assert at.v == pytest.approx(np.sum(depths * xi.conj() * c), abs=1e-12)

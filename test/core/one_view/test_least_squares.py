@@ -14,7 +14,7 @@ from p4pfr_ros.core.one_view.least_squares import (
     known_problem,
     linearise,
     POSE_AND_CAMERA,
-    squared_error,
+    squared_errors,
 )
 import pytest
 
@@ -84,6 +84,13 @@ def test_the_jacobian_is_the_derivative_of_the_residual(name, known):
             np.testing.assert_allclose(jacobian[:, column], difference, atol=2e-6 * scale)
 
 
+def squares_of(row, problem):
+    """Return the squared errors of all points, px²."""
+    squares = np.empty(len(problem.image))
+    squared_errors(row, problem, 0, len(squares), squares)
+    return squares
+
+
 @pytest.mark.parametrize('name', CAMERAS)
 def test_the_squared_error_is_that_of_the_cameras_projection(name):
     camera = CAMERAS[name]
@@ -92,11 +99,11 @@ def test_the_squared_error_is_that_of_the_cameras_projection(name):
     projected = camera.project(pose.transform(np.column_stack([board, np.zeros(12)])))
     expected = np.sum((projected - image - CENTER_PX) ** 2, axis=1)
     free = free_problem(image, board, GATES)
-    errors = [squared_error(row, free, i) for i in range(12)]
+    errors = squares_of(row, free)
     np.testing.assert_allclose(errors, expected, rtol=1e-9)
     # A known camera's error is a first-order approximation, within percents at 3 px.
     known = known_problem(image, board, GATES, camera)
-    errors = [squared_error(row, known, i) for i in range(12)]
+    errors = squares_of(row, known)
     np.testing.assert_allclose(np.sqrt(errors), np.sqrt(expected), rtol=0.05)
 
 
@@ -105,5 +112,5 @@ def test_a_point_behind_the_camera_has_an_infinite_error():
     row[TRANSLATION + 2] = -5.0
     camera = CAMERAS['pinhole']
     for problem in (free_problem(image, board, GATES), known_problem(image, board, GATES, camera)):
-        assert squared_error(row, problem, 0) == np.inf
+        assert squares_of(row, problem)[0] == np.inf
         assert np.isnan(residual(row, problem, 0)).all()
