@@ -62,6 +62,19 @@ def post(url, command):
         return json.loads(answer.read())['message']
 
 
+def publish_each(peer, publisher, views, url):
+    """Publish images, each when the page shows the one before."""
+    for i, path in enumerate(views):
+        header = Header(frame_id='camera')
+        header.stamp.sec = i + 1
+        image = image_msg(header, read_image(path))
+        peer.until(
+            lambda i=i: state(url)['image']['name'] == f'stamp {i + 1}.000000000',
+            meanwhile=lambda image=image: publisher.publish(image),
+            every_s=5.0,  # one may be lost while the node follows the QoS of its publisher
+        )
+
+
 def test_a_topic_is_calibrated_and_the_driver_receives_the_camera(peer, views, tmp_path):
     received = []
 
@@ -76,15 +89,7 @@ def test_a_topic_is_calibrated_and_the_driver_receives_the_camera(peer, views, t
     node, url = start(peer, tmp_path, set_camera_info_service='set_camera_info')
     assert state(url)['source']['state'] == 'waiting'
     peer.until(lambda: publisher.get_subscription_count() == 1)
-    for i, path in enumerate(views):
-        header = Header(frame_id='camera')
-        header.stamp.sec = i + 1
-        image = image_msg(header, read_image(path))
-        peer.until(
-            lambda i=i: state(url)['image']['name'] == f'stamp {i + 1}.000000000',
-            meanwhile=lambda image=image: publisher.publish(image),
-            every_s=5.0,  # one may be lost while the node follows the QoS of its publisher
-        )
+    publish_each(peer, publisher, views, url)
     shown = state(url)
     assert shown['state'] == 'calibrated'
     assert shown['source'] == {
