@@ -47,7 +47,7 @@ def test_a_node_reads_its_config_file_and_exits_cleanly(peer, board_file, name, 
     config = Path(__file__).parents[2] / f'config/{NODES[name]}.yaml'
     parameters = required(name, board_file)
     node = peer.start(name, params_file=config, parameters=parameters)
-    assert node.stop(number) == 0
+    assert node.stop(number) == 0, node.output
     assert 'unknown parameter' not in node.output
     assert 'Traceback' not in node.output
     assert 'rror' not in node.output

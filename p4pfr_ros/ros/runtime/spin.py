@@ -18,6 +18,7 @@ import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logging_directory
 from rclpy.node import Node
+from rclpy.signals import uninstall_signal_handlers
 
 from .overrides import warn_of_unknown_overrides
 
@@ -58,6 +59,8 @@ def run(
         # rclpy's own signal handler may be shutting down at the same time.
         with suppress(RuntimeError):
             rclpy.try_shutdown()
+        # Waits for the thread of rclpy's signal handler, which may crash while the process ends.
+        uninstall_signal_handlers()
 
 
 def _init(args: Sequence[str] | None) -> None:
