@@ -6,20 +6,17 @@
 from geometry_msgs.msg import PolygonStamped, PoseStamped, PoseWithCovarianceStamped
 import numpy as np
 from p4pfr_ros.core.geometry import rotation_angle_rad
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
-from rclpy.parameter_client import AsyncParameterClient
 import scenes
 from sensor_msgs.msg import CameraInfo, PointCloud2
 
 
 def set_parameters(peer, values, node='pose_node', rejected=False):
     """Set parameters of a node together; return the reason if they are to be rejected."""
-    client = AsyncParameterClient(peer.node, node)
-    peer.until(client.services_are_ready)
-    changes = [Parameter(name, value=value) for name, value in values.items()]
-    future = client.set_parameters_atomically(changes)
-    peer.until(future.done)
-    result = future.result().result
+    changes = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+    service = f'{node}/set_parameters_atomically'
+    result = peer.call(SetParametersAtomically, service, parameters=changes).result
     assert result.successful != rejected, result.reason
     return result.reason
 

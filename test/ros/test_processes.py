@@ -10,8 +10,8 @@ import sys
 import time
 
 import pytest
+from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from rclpy.parameter_client import AsyncParameterClient
 
 pytestmark = pytest.mark.dds
 
@@ -159,17 +159,14 @@ def test_invalid_ros_arguments_exit_with_status_1(arguments):
 def test_parameter_services_validate_changes(peer):
     """The response of a rejected change has the reason."""
     peer.start('pose_node')
-    client = AsyncParameterClient(peer.node, 'pose_node')
-    peer.until(client.services_are_ready)
-    future = client.set_parameters(
-        [
-            Parameter('marker.corner_order', value='clockwise'),
-            Parameter('robust.threshold_px', value=0.0),
-            Parameter('robust.threshold_px', value=3.0),
-        ]
-    )
-    peer.until(future.done)
-    order, threshold, good = future.result().results
+    changes = [
+        Parameter('marker.corner_order', value='clockwise'),
+        Parameter('robust.threshold_px', value=0.0),
+        Parameter('robust.threshold_px', value=3.0),
+    ]
+    messages = [change.to_parameter_msg() for change in changes]
+    response = peer.call(SetParameters, 'pose_node/set_parameters', parameters=messages)
+    order, threshold, good = response.results
     assert 'expected one of aruco_cw_from_top_left, apriltag_ccw' in order.reason
     assert 'robust.threshold_px out of range' in threshold.reason
     assert [order.successful, threshold.successful, good.successful] == [False, False, True]
