@@ -90,7 +90,7 @@ LIFECYCLE_POSE_NODE = {
     '~/get_transition_graph': 'All transitions.',
 }
 
-DETECTOR_NODE = {
+_IMAGE_NODE = {
     'image': (
         'The raw image, if `image.transport` is `raw`: grey of 8 or 16 bits, signed or floating '
         'point too; RGB or BGR of 8 or 16 bits, with or without alpha; Bayer; YUV 4:2:2, '
@@ -104,6 +104,10 @@ DETECTOR_NODE = {
         'Once a second: the rate of the images, those that are missing in it, the time that one '
         'takes, and rejections.'
     ),
+}
+
+DETECTOR_NODE = {
+    **_IMAGE_NODE,
     'correspondences': (
         'The points of one board: `u`, `v` (px), `board_x`, `board_y` (m), `id`, and `board` if '
         'the file has several boards. One message for each detected board, with the header of '
@@ -122,17 +126,10 @@ CAMERA_SIMULATOR = {
 }
 
 DASHBOARD_NODE = {
+    **_IMAGE_NODE,
     'image': (
         'The raw image, if `image.transport` is `raw`, in any encoding of detector_node. The QoS '
         'is that of its publishers: see `image.reliability`.'
-    ),
-    'image/compressed': (
-        'The raw image as JPEG or PNG, if `image.transport` is `compressed`. The QoS is that of '
-        'its publishers.'
-    ),
-    '/diagnostics': (
-        'Once a second: the rate of the images, those that are missing in it, the time that one '
-        'takes, and rejections.'
     ),
     '~/save_calibration': (
         'As the button Save: save the calibration to `calibration_file`, in the format of '

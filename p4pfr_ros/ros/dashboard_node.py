@@ -11,38 +11,27 @@ import time
 from typing import Any
 
 import cv2
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from p4pfr_ros import CameraEstimate
-from p4pfr_ros.files.images import Decoding
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.kernels.warm_up import warm_up, warm_up_detection
 from p4pfr_ros.live.session import LiveSession, SourceState
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
-from .conversions import (
-    camera_info_from_model_msg,
-    image_from_compressed,
-    image_from_msg,
-    ImageArray,
-    ImageFrame,
-)
+from .conversions import camera_info_from_model_msg, ImageFrame
 from .parameters.board_file import required_boards
 from .parameters.dashboard_options import DashboardNodeOptions
 from .parameters.declare import Parameters
-from .parameters.image_node_options import ImageTopicOptions
 from .pose.calibration_keeper import calibration_path, CameraInfoSetter
-from .runtime.endpoints import advertise, Endpoints
-from .runtime.following import FollowingSubscription
-from .runtime.image_health import ImageHealth
+from .runtime.endpoints import Endpoints
+from .runtime.image_stream import ImageMessage, ImageStream
 from .runtime.kernel_start import KernelStart
-from .runtime.rejections import CauseLog, Rejected
+from .runtime.rejections import Rejected
 from .runtime.spin import run
 
-# Period of /diagnostics, and of checks whether the camera was saved.
+# Period of checks whether the camera was saved.
 _PERIOD_S = 1.0
 
 
@@ -75,18 +64,15 @@ class DashboardNode(Node):  # type: ignore[misc]
         )
         self._sent: CameraEstimate | None = None
         self._header = Header()
-        self._rejections = CauseLog(self.get_logger())
-        self._diagnostics = advertise(self, DiagnosticArray, '/diagnostics')
-        self._health = ImageHealth(time.monotonic())
         self._server = self._make_server()
-        self._kernels = KernelStart(self, _warm_up)  # no image waits for the compiler
-        self._images = self._subscribed(options.image)
+        kernels = KernelStart(self, _warm_up)  # no image waits for the compiler
+        self._images = ImageStream(self, options.image, kernels, self._on_image)
         self._session.set_source(SourceState.WAITING, self._images.topic)
         self._endpoints.serve(Trigger, '~/save_calibration', self._on_save)
         self._endpoints.serve(Trigger, '~/reset_calibration', self._on_reset)
-        self._endpoints.every(_PERIOD_S, self._report)
+        self._endpoints.every(_PERIOD_S, self._send_saved)
         self._server.start()
-        self._kernels.when_ready(lambda: self.get_logger().info(f'ready: open {self._server.url}'))
+        kernels.when_ready(lambda: self.get_logger().info(f'ready: open {self._server.url}'))
 
     def _make_server(self) -> Any:
         try:
@@ -106,64 +92,23 @@ class DashboardNode(Node):  # type: ignore[misc]
         self._server.stop()
         super().destroy_node()
 
-    def _subscribed(self, image: ImageTopicOptions) -> FollowingSubscription:
-        # Depth 1: if images arrive faster than they are processed, the newest is the useful one.
-        kind, topic, callback = (
-            (CompressedImage, 'image/compressed', self._on_compressed)
-            if image.transport == 'compressed'
-            else (Image, 'image', self._on_image)
-        )
-        return FollowingSubscription(
-            self, kind, topic, callback, depth=1, reliability=image.reliability
-        )
-
-    def _on_image(self, msg: Image) -> None:
-        self._process(msg.header, image_from_msg(msg, self._decoding))
-
-    def _on_compressed(self, msg: CompressedImage) -> None:
-        self._process(msg.header, image_from_compressed(msg, self._decoding))
-
-    @property
-    def _decoding(self) -> Decoding:
-        options = self._config.options.image
-        return Decoding(
-            by_content=options.deep_levels == 'content', max_megapixels=options.max_megapixels
-        )
-
-    def _process(self, header: Header, image: ImageArray | Rejected) -> None:
-        stamp_s = header.stamp.sec + 1e-9 * header.stamp.nanosec
-        began_s, self._header = time.monotonic(), header
-        self._health.received(began_s, stamp_s)
+    def _on_image(self, msg: ImageMessage) -> None:
+        began_s, self._header = time.monotonic(), msg.header
         if self._session.snapshot.source is not SourceState.RUNNING:
             self._session.set_source(SourceState.RUNNING, self._images.topic)
-        pending = self._kernels.pending
-        if pending:  # interpreted, an image would take minutes
-            image = Rejected('compiling', pending)
-        name = f'stamp {header.stamp.sec}.{header.stamp.nanosec:09d}'
+        options = self._config.options
+        image = self._images.decoded(msg, options.image, as_grey=False)
+        name = f'stamp {msg.header.stamp.sec}.{msg.header.stamp.nanosec:09d}'
         if isinstance(image, Rejected):
-            self._rejections.add(image)
             self._session.reject(image.reason, name)
             return
-        options = self._config.options
         self._session.set_options(options.calibration, options.robust)
         self._session.process(image, name)
         detected = any(not each.detection.reason for each in self._session.snapshot.boards)
-        self._health.processed(time.monotonic() - began_s, detected=detected)
+        self._images.processed(began_s, detected=detected)
 
-    def _report(self) -> None:
-        """Publish /diagnostics, and send a camera that was saved to the driver."""
-        status = self._health.status(
-            time.monotonic(),
-            qos=self._images.qos.reliability.name.lower().replace('_', ' '),
-            publishers=self._images.publisher_count,
-            rejections=self._rejections.counts,
-        )
-        if self._kernels.pending:
-            status.level, status.message = DiagnosticStatus.WARN, self._kernels.pending
-        status.name = f'{self.get_fully_qualified_name()[1:]}: images'
-        status.hardware_id = self._header.frame_id
-        header = Header(stamp=self.get_clock().now().to_msg())
-        self._diagnostics.publish(DiagnosticArray(header=header, status=[status]))
+    def _send_saved(self) -> None:
+        """Send a camera that was saved to the driver."""
         saved = self._session.saved
         if saved is not None and saved.estimate is not self._sent:
             self._sent = saved.estimate
