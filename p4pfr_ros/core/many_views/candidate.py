@@ -118,11 +118,7 @@ class LensContrast(NamedTuple):
 def _excess(known: ViewFit, free: ViewFit, limit: float) -> float:
     """Return by how much chi-square of one fit is larger than that of another."""
     variance = min(known.numbers.variance, free.numbers.variance)
-    first, second = (
-        float(np.minimum(fit.squares, limit).sum()) / variance + fit.numbers.prior_chi2
-        for fit in (known, free)
-    )
-    return first - second
+    return known.chi2(variance, limit) - free.chi2(variance, limit)
 
 
 @dataclass(frozen=True, eq=False)

@@ -96,6 +96,10 @@ class ViewFit:
     numbers: FullFit
     penalty: float
 
+    def chi2(self, variance: float, limit: float) -> float:
+        """Return χ² of residuals and priors; squared errors are truncated at a limit, px²."""
+        return float(np.minimum(self.squares, limit).sum()) / variance + self.numbers.prior_chi2
+
 
 class Rival(NamedTuple):
     """The fit of a view with a camera that is not the known one, and how probable it is."""
@@ -281,12 +285,7 @@ class FullViewProblem(ViewProblem):
             return [(0.0, fits[0])]
         variance = min(fit.numbers.variance for fit in fits)
         limit = self.options.threshold_px**2
-        costs = [
-            float(np.minimum(fit.squares, limit).sum()) / variance
-            + fit.numbers.prior_chi2
-            + fit.penalty
-            for fit in fits
-        ]
+        costs = [fit.chi2(variance, limit) + fit.penalty for fit in fits]
         order = sorted(range(len(fits)), key=costs.__getitem__)
         excess = [(costs[i] - costs[order[0]], fits[i]) for i in order]
         return _different([one for one in excess if one[0] < MAX_RATIO])
