@@ -72,13 +72,15 @@ def compile_all(report: Callable[[float], object], cache: Path | None = None) ->
     if (folder / _complete_name()).is_file():
         return folder
     folder.mkdir(parents=True, exist_ok=True)
-    stored = _complete_folder()
-    if stored is None:
+    is_stored = are_compiled()
+    # The folder must have all by itself: another installation may use it without ours.
+    for other in filter(None, (INSTALLED_FOLDER, kernel_folder())):
+        for file in filter(_is_current, other.glob('*.nb*')):
+            if not (folder / file.name).exists():
+                shutil.copy(file, folder)
+    if not is_stored:
         for count, _ in enumerate(_compiled_functions(cache), start=1):
             report(min(count / _FUNCTIONS, 0.99))
-    else:
-        for file in filter(_is_current, stored.glob('*.nb*')):
-            shutil.copy(file, folder)
     if folder == INSTALLED_FOLDER:  # of these sources alone; others may share a user's cache
         for file in folder.iterdir():
             if not _is_current(file):

@@ -27,6 +27,12 @@ from p4pfr_ros.kernels.processes import are_compiled
 print(len(compiled.buffer), are_compiled())
 """
 
+SCRIPT_THAT_COMPILES = """
+from p4pfr_ros.kernels.processes import compile_all
+
+compile_all(lambda _: None)
+"""
+
 
 @pytest.fixture(scope='module', autouse=True)
 def _stored_kernels():
@@ -44,12 +50,12 @@ def site(tmp_path):
     return site
 
 
-def run(site, monkeypatch):
-    """Run the script with a copy of the package and an empty cache."""
+def run(site, monkeypatch, script=SCRIPT):
+    """Run a script with a copy of the package and a cache of its own."""
     monkeypatch.setenv('PYTHONPATH', str(site))
-    monkeypatch.setenv('NUMBA_CACHE_DIR', str(site.parent / 'empty'))
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(site.parent / 'cache'))
     done = subprocess.run(
-        [sys.executable, '-c', SCRIPT],
+        [sys.executable, '-c', script],
         cwd=site.parent,
         check=True,
         capture_output=True,
@@ -67,7 +73,7 @@ def test_a_copy_of_the_package_finds_its_kernels(site, monkeypatch):
     for path in (folder, folder.parent):
         path.chmod(0o555)
     assert run(site, monkeypatch) == ['0', 'True']
-    assert not list((site.parent / 'empty').rglob('*.nbc'))
+    assert not list((site.parent / 'cache').rglob('*.nbc'))
 
 
 def test_kernels_of_other_sources_are_not_used(site, monkeypatch):
@@ -76,6 +82,16 @@ def test_kernels_of_other_sources_are_not_used(site, monkeypatch):
     with (site / 'p4pfr_ros/detection/fitting.py').open('a') as source:
         source.write('# changed\n')
     assert run(site, monkeypatch) == ['0', 'False']
+
+
+def test_the_users_cache_is_complete(site, monkeypatch):
+    """Though an older installation had some of the kernels: it may be removed."""
+    installed = processes.compile_all(lambda _: None, site / 'p4pfr_ros/_kernels')
+    for file in (*installed.glob('complete-*'), *installed.glob('*-rendering.*')):
+        file.unlink()
+    run(site, monkeypatch, SCRIPT_THAT_COMPILES)
+    shutil.rmtree(site / 'p4pfr_ros/_kernels')
+    assert run(site, monkeypatch) == ['0', 'True']
 
 
 def test_a_process_that_fails_is_reported(tmp_path):

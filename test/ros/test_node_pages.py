@@ -27,15 +27,13 @@ NODES = {
     'dashboard_node': DashboardNodeOptions(),
 }
 ROS_SOURCES = {p for p in (ROOT / 'p4pfr_ros' / 'ros').rglob('*.py') if p.parent.name != 'demo'}
-DETECTOR = {
-    ROOT / 'p4pfr_ros' / 'ros' / 'detector_node.py',
+IMAGES = {
+    ROOT / 'p4pfr_ros' / 'ros' / 'runtime' / 'image_stream.py',
     ROOT / 'p4pfr_ros' / 'files' / 'pixel_formats.py',
 }
+DETECTOR = {ROOT / 'p4pfr_ros' / 'ros' / 'detector_node.py', *IMAGES}
 SIMULATOR = {ROOT / 'p4pfr_ros' / 'ros' / 'camera_simulator.py'}
-DASHBOARD = {
-    ROOT / 'p4pfr_ros' / 'ros' / 'dashboard_node.py',
-    ROOT / 'p4pfr_ros' / 'files' / 'pixel_formats.py',
-}
+DASHBOARD = {ROOT / 'p4pfr_ros' / 'ros' / 'dashboard_node.py', *IMAGES}
 # The status of an estimate without a model.
 NO_MODEL = {
     Status.COLLINEAR,
