@@ -20,7 +20,7 @@ from launch_testing.asserts import assertExitCodes
 import rclpy
 from sensor_msgs.msg import CameraInfo
 
-TIMEOUT_S = 120.0
+TIMEOUT_S = 300.0
 
 
 def generate_test_description():

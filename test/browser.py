@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 200.0
 LOW_CONTRAST = """
 const luminance = (colour) => colour.match(/[\\d.]+/g).slice(0, 3)
   .map((c) => c / 255).map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))

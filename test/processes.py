@@ -9,7 +9,7 @@ from pathlib import Path
 import signal
 import time
 
-TIMEOUT_S = 120.0
+TIMEOUT_S = 300.0
 
 
 def wait_until(condition, timeout_s=TIMEOUT_S):

@@ -79,7 +79,8 @@ def imports(*folders):
         tree = ast.parse(path.read_text())
         tried = {id(node) for attempt in ast.walk(tree) for node in attempted(attempt)}
         for node in ast.walk(tree):
-            yield id(node) in tried, third_party_tops(node)
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                yield id(node) in tried, third_party_tops(node)
 
 
 def attempted(node):

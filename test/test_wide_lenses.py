@@ -15,10 +15,6 @@ from p4pfr_ros.scenes.camera_views import board_grid, draw_camera_view
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
-# Each test fits or renders many views, and the first one may have to compile the kernels: on a
-# busy machine with two cores, that can exceed the default timeout.
-pytestmark = pytest.mark.timeout(300)
-
 BOARD = board_grid(20, 10)
 NOISE_PX = 0.3
 CORNER_PX = 800.0
@@ -83,8 +79,11 @@ def test_a_fisheye_lens_is_calibrated_with_more_lens_terms(fov_deg, times, seed)
     assert np.sqrt(np.mean(squares)) < times * math.sqrt(2.0) * NOISE_PX
 
 
-@pytest.mark.parametrize('fov_deg', [100, 130, 150])
-def test_rendered_images_calibrate_a_fisheye_lens(fov_deg):
+# At a smaller distance the sheet of 1 m seldom fits into the image of the narrow lens.
+@pytest.mark.parametrize(
+    ('fov_deg', 'distance'), [(100, (0.7, 1.1)), (130, (0.4, 0.8)), (150, (0.4, 0.8))]
+)
+def test_rendered_images_calibrate_a_fisheye_lens(fov_deg, distance):
     lens = Fisheye(fov_deg)
     board = Chessboard(columns=9, rows=6, square_m=0.1)
     renderer = Renderer(lens, IMAGE_SIZE)
@@ -95,7 +94,7 @@ def test_rendered_images_calibrate_a_fisheye_lens(fov_deg):
     rng = np.random.default_rng(0)
     for _ in range(12):
         view = draw_camera_view(
-            rng, lens, sheet, noise_px=0.0, tilt_deg=(10, 45), distance=(0.4, 0.8)
+            rng, lens, sheet, noise_px=0.0, tilt_deg=(10, 45), distance=distance
         )
         image = renderer.render(
             board, view.camera_from_board, noise_sigma=2.0, blur_sigma_px=0.5, seed=1

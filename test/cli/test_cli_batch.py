@@ -134,7 +134,7 @@ def test_a_worker_that_is_killed_loses_nothing(recordings, tmp_path, cluster):
     output = tmp_path / 'out'
     names = ('a', 'b', 'c', 'bag')
     with distributed.Client(cluster) as client:
-        client.wait_for_workers(2, timeout=120)
+        client.wait_for_workers(2, timeout=300)
         process_of = client.run(os.getpid)
         running = start(*command(output, *(recordings / n for n in names)), '--scheduler', cluster)
 
@@ -143,7 +143,7 @@ def test_a_worker_that_is_killed_loses_nothing(recordings, tmp_path, cluster):
 
         victim = process_of[wait_until(busy)[0]]
         os.kill(victim, signal.SIGKILL)
-        _, err = running.communicate(timeout=100)
+        _, err = running.communicate(timeout=300)
         assert (running.returncode, own_lines(err)) == (0, [])
         assert len(client.scheduler_info()['workers']) == 1
     assert times(output).keys() == set(names)
@@ -159,7 +159,7 @@ def test_an_interrupted_batch_ends_quietly_and_goes_on_later(recordings, tmp_pat
         wait_until(lambda: times(output))
         assert listening_addresses(running.pid) == {LOOPBACK}
         os.killpg(running.pid, signal.SIGINT)
-        _, err = running.communicate(timeout=120)
+        _, err = running.communicate(timeout=300)
         assert (running.returncode, own_lines(err)) == (128 + signal.SIGINT, [])
         wait_until(lambda: has_ended(running.pid))
     finally:

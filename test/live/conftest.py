@@ -11,7 +11,7 @@ from browser import browser, open_page  # noqa: F401  (fixtures)
 import pytest
 from rendered import CHESSBOARD, write_empty, write_views
 
-TIMEOUT_S = 60.0
+TIMEOUT_S = 200.0
 
 
 @pytest.fixture(scope='session')

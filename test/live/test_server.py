@@ -71,7 +71,7 @@ def updates(server, message, **headers):
             try:
                 async with client.ws_connect(url, headers=headers) as page:
                     await page.send_str(message)
-                    return await page.receive(timeout=20.0)
+                    return await page.receive(timeout=100.0)
             except aiohttp.WSServerHandshakeError as error:
                 return error.status
 

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 
-TIMEOUT_S = 40.0
+TIMEOUT_S = 200.0
 
 
 class NodeProcess:

@@ -47,7 +47,7 @@ async def state_of(url):
         client.ws_connect(url.replace('http', 'ws') + 'updates') as page,
     ):
         await page.send_str(json.dumps({'sequence': -1, 'maps': -1}))
-        data = await page.receive_bytes(timeout=20.0)
+        data = await page.receive_bytes(timeout=100.0)
     return json.loads(data[12 : 12 + struct.unpack('>I', data[:4])[0]])
 
 

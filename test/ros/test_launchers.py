@@ -25,7 +25,7 @@ NODES = [
 ]
 
 # The first node on a machine compiles the kernels.
-TIMEOUT_S = 100.0
+TIMEOUT_S = 200.0
 RETRY_S = 3.0
 
 

@@ -64,7 +64,7 @@ class _Demo:
         return [int(p) for p in Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
 
     def wait(self):
-        self.output += self.process.communicate(timeout=60)[0]
+        self.output += self.process.communicate(timeout=200)[0]
         return self.process.returncode
 
 

@@ -23,7 +23,7 @@ import rclpy
 import scenes
 from visualization_msgs.msg import MarkerArray
 
-TIMEOUT_S = 20.0
+TIMEOUT_S = 100.0
 ON_TF = replace(PoseNodeOptions(), publish_tf=True)
 IMAGE_POINTS = scenes.project(scenes.GRID)
 OBSERVATION = BoardObservation(

@@ -19,7 +19,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_msgs.msg import Header
 
-TIMEOUT_S = 20.0
+TIMEOUT_S = 100.0
 BOARDS = Path(__file__).resolve().parents[3] / 'config/boards'
 MAKERS = {
     'subscription': lambda endpoints: endpoints.subscribe(Header, 'topic', lambda _: None),
