@@ -196,16 +196,15 @@ class CommonPrior:
 
     def for_boards(self, boards: int) -> CommonPrior:
         """Return the prior with room for more boards, of which nothing is known."""
-        more = SHAPE_SIZE * (boards - self.boards)
-        if more <= 0:
+        if boards <= self.boards:
             return self
-        square, row = ((0, more), (0, more)), (0, more)
+        size = LENS_SIZE + SHAPE_SIZE * boards
         return replace(
             self,
-            reference=np.pad(self.reference, row),
-            information=np.pad(self.information, square),
-            gradient=np.pad(self.gradient, row),
-            marginalised=np.pad(self.marginalised, square),
+            reference=_enlarged(self.reference, size),
+            information=_enlarged(self.information, size),
+            gradient=_enlarged(self.gradient, size),
+            marginalised=_enlarged(self.marginalised, size),
         )
 
     def known_shape(self, board: int, numbers: Array, covariance: Array) -> CommonPrior:
@@ -289,6 +288,13 @@ class CommonPrior:
             variance * (prior.information + np.diag(weights)),
             variance * (prior.gradient + weights * (mean - prior.reference)),
         )
+
+
+def _enlarged(array: Array, size: int) -> Array:
+    """Return a vector or matrix with zeros appended; np.pad takes twenty times as long."""
+    enlarged = np.zeros((size,) * array.ndim)
+    enlarged[tuple(map(slice, array.shape))] = array
+    return enlarged
 
 
 def shape_slice(board: int) -> slice:

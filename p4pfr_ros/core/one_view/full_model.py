@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry import Array, Ints, POSE_SIZE, TRANSLATION
-from ..jit import jit, kernel, vectorised_kernel
+from ..jit import inlined, jit, kernel, vectorised_kernel
 from ..model import lens as lens_kernels
 from ..model.lens import ASPECT, CX, CY, FOCAL, K, K4, LENS_END, LENS_SIZE, P2, POSE_COLUMNS
 from ..model.prior import BEND_SPREADS, TERM_SPREADS
@@ -330,14 +330,27 @@ def normal_equations(
         _add_block(block, points)
     for a in range(n):
         points[a, n] = -points[a, n]
+        for b in range(a):
+            points[a, b] = points[b, a]
     return count, total
 
 
 @vectorised_kernel
 def _add_block(block: Array, points: Array) -> None:
-    """Add JᵀJ and Jᵀr of eight rows; a loop of constant length over columns is vectorised."""
-    for a in range(PARAMETERS):
-        for b in range(WIDTH):
+    """
+    Add JᵀJ and Jᵀr of eight rows; a loop of constant length over columns is vectorised.
+
+    JᵀJ is symmetric: whole vectors left of the diagonal are left out.
+    """
+    _add_rows(0, 8, block, points)
+    _add_rows(8, 16, block, points)
+    _add_rows(16, PARAMETERS, block, points)
+
+
+@inlined
+def _add_rows(first: int, end: int, block: Array, points: Array) -> None:
+    for a in range(first, end):
+        for b in range(first, WIDTH):
             points[a, b] += (
                 (block[0, a] * block[0, b] + block[1, a] * block[1, b])
                 + (block[2, a] * block[2, b] + block[3, a] * block[3, b])
