@@ -7,6 +7,7 @@ Processes images on several cores, in order.
 Images are independent until their results are used, so the results do not depend on the number of
 processes. Starting processes takes as long as some tens of images: the first images are processed
 here, which also compiles the kernels once, and processes are started only if many more follow.
+While they start, this process goes on.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ _FIRST, _TIMED = 1, 4
 WORTH_S = 2.0
 # With more images, processes are likely to be worth it.
 _LIKELY = 100
+# How long processes take to start, s.
+_START_S = 1.0
 _IMPORTED = ['p4pfr_ros.cli.estimate', 'p4pfr_ros.cli.calibrate']
 # Images that are sent to a process together, and such tasks per process that wait.
 _PER_TASK, _AHEAD = 8, 2
@@ -81,27 +84,39 @@ def in_order(
         yield from map(function, islice(waiting, _TIMED))
         each_s = (time.perf_counter() - began_s) / _TIMED
         left = None if total is None else total - _FIRST - _TIMED
-        if left is None or left * each_s > WORTH_S:
-            # A stream may be live: then each image counts.
-            per_task = 1 if left is None else max(1, min(_PER_TASK, left // (_AHEAD * jobs)))
-            yield from _on_processes(function, waiting, jobs, per_task)
+        if left is None:  # a stream may be live: then each image counts
+            yield from _on_processes(function, waiting, 0, jobs, per_task=1)
+            return
+        if left * each_s > WORTH_S:
+            here = min(int(_START_S / each_s), left // (jobs + 1))
+            per_task = max(1, min(_PER_TASK, left // (_AHEAD * jobs)))
+            yield from _on_processes(function, waiting, here, jobs, per_task)
             return
     yield from map(function, waiting)
 
 
 def _on_processes(
-    function: Callable[[Item], Result], items: Iterator[Item], jobs: int, per_task: int
+    function: Callable[[Item], Result],
+    items: Iterator[Item],
+    here: int,
+    jobs: int,
+    per_task: int,
 ) -> Iterator[Result]:
+    """Yield the results in order: of the first ``here`` items from this process."""
     context = multiprocessing.get_context('forkserver')
     _start_server()
     executor = ProcessPoolExecutor(jobs, context, _prepare_worker)
     futures: deque[Future[list[Result]]] = deque()
+    first = list(islice(items, here))
     try:
         while chunk := list(islice(items, per_task)):
             with without_interrupts():
                 futures.append(executor.submit(_all, function, chunk))
-            while futures and (len(futures) > _AHEAD * jobs or futures[0].done()):
+            while len(futures) > _AHEAD * jobs or (futures and futures[0].done() and not first):
+                yield from map(function, first)
+                first.clear()
                 yield from futures.popleft().result()
+        yield from map(function, first)
         while futures:
             yield from futures.popleft().result()
     except BrokenProcessPool:
