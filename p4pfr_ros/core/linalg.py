@@ -66,36 +66,52 @@ def invert_information(information: Array, n: int, system: Array, inverse: Array
 
     Unknowns without information get a huge variance. system (≥ n, ≥ n) is workspace.
     """
-    # Cholesky's factor L of the scaled matrix, then L⁻¹ in its place, then L⁻ᵀ L⁻¹.
+    # In ``system``, above the diagonal U = Lᵀ, Cholesky's factor of the scaled matrix, on it
+    # 1 / Uᵢᵢ, below it Y = L⁻¹; the inverse is YᵀY. The innermost loops run along rows and sum
+    # nothing up, so that no addition waits for another.
+    scales = inverse[n - 1]  # written last
     for i in range(n):
-        for j in range(i + 1):
-            total = information[i, j] / _scale(information, i, j)
-            for m in range(j):
-                total -= system[i, m] * system[j, m]
-            if i == j:
-                system[i, i] = math.sqrt(max(total, 0.0) + _RIDGE)
-            else:
-                system[i, j] = total / system[j, j]
+        entry = information[i, i]
+        scales[i] = 1.0 / math.sqrt(entry) if entry > 0.0 else 1.0
+    for i in range(n):
+        for j in range(i, n):
+            system[i, j] = information[j, i] * (scales[i] * scales[j])
     for j in range(n):
-        system[j, j] = 1.0 / system[j, j]
+        system[j, j] = 1.0 / math.sqrt(max(system[j, j], 0.0) + _RIDGE)
         for i in range(j + 1, n):
-            total = 0.0
-            for m in range(j, i):
-                total -= system[i, m] * system[m, j]
-            system[i, j] = total / system[i, i]
-    for i in range(n):
-        for j in range(i + 1):
-            total = 0.0
+            system[j, i] *= system[j, j]
+        for i in range(j + 1, n):
+            factor = system[j, i]
             for m in range(i, n):
-                total += system[m, i] * system[m, j]
-            inverse[i, j] = inverse[j, i] = total / _scale(information, i, j)
+                system[i, m] -= factor * system[j, m]
+    _invert_factor(n, system)
+    for i in range(n - 1):
+        for j in range(i + 1):
+            inverse[i, j] = 0.0
+    for m in range(n):
+        for i in range(min(m + 1, n - 1)):
+            factor = system[m, i]
+            for j in range(i + 1):
+                inverse[i, j] += factor * system[m, j]
+    for i in range(n):
+        own = scales[i]
+        for j in range(i + 1):
+            entry = inverse[i, j] if i < n - 1 else system[i, i] * system[i, j]
+            inverse[i, j] = inverse[j, i] = entry * (own * scales[j])
 
 
 @kernel
-def _scale(information: Array, a: int, b: int) -> float:
-    """Return √(product of two diagonal entries); 1 if one of them has no information."""
-    product = information[a, a] * information[b, b]
-    return math.sqrt(product) if product > 0.0 else 1.0
+def _invert_factor(n: int, system: Array) -> None:
+    """Write Y = L⁻¹ below the diagonal, which has 1 / Lᵢᵢ; above it is Lᵀ."""
+    for i in range(n):
+        for j in range(i):
+            system[i, j] = 0.0
+        for m in range(i):
+            factor = system[m, i]
+            for j in range(m + 1):
+                system[i, j] -= factor * system[m, j]
+        for j in range(i):
+            system[i, j] *= system[i, i]
 
 
 def inverse_of_information(information: Array) -> Array:

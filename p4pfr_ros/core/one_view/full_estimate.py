@@ -366,7 +366,8 @@ class FullViewProblem(ViewProblem):
             if options.prior_k_sigma is not None:
                 focal_px = options.prior_focal_px or float(row[G])
                 prior = with_prior_on_k(prior, options, focal_px, view.corner_px)
-        board = np.column_stack([view.board, view.heights])
+        board = np.empty((len(view.board), 3))
+        board[:, :2], board[:, 2] = view.board, view.heights
         return FullProblem(view.image, board, view.corner_px, *prior)
 
 
