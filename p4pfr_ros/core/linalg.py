@@ -25,6 +25,9 @@ _NEGLIGIBLE = 1e-60
 # variance by 1 % where the smallest eigenvalue is 1e-11, by 10 % where it is 1e-12.
 _RIDGE = 1e-13
 
+# A smaller diagonal entry is none: the square of its inverse would not be finite.
+_NO_INFORMATION = 1e-150
+
 
 @kernel
 def solve_in_place(system: Array, n: int) -> bool:
@@ -72,7 +75,7 @@ def invert_information(information: Array, n: int, system: Array, inverse: Array
     scales = inverse[n - 1]  # written last
     for i in range(n):
         entry = information[i, i]
-        scales[i] = 1.0 / math.sqrt(entry) if entry > 0.0 else 1.0
+        scales[i] = 1.0 / math.sqrt(entry) if entry > _NO_INFORMATION else 1.0
     for i in range(n):
         for j in range(i, n):
             system[i, j] = information[j, i] * (scales[i] * scales[j])

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .ambiguity import same_optimum
 from .describe import assessment, MAX_RATIO, shows_back, ViewProblem
 from .focal_likelihood import other_focal_excess
 from .full_fit import fit_view, FullFit, Rules
@@ -126,20 +127,20 @@ class FullViewProblem(ViewProblem):
         self, row: Array, problem: Problem, others: Array | None, status: Status, iterations: int
     ) -> PoseEstimate:
         """Return the result of the full fits that start from a row and its alternatives."""
-        arrays = assessment(len(self.view.image))
-        # Other optima need a fit first, to see whether there can be any.
-        later = others is None and self.camera is None and len(self.view.image) > 4
-        search = others is None and not later
-        summary = self._assess(row, problem, search, arrays, _FEW_STEPS)
-        given = self._given(row)
-        fits = self._fits([row], given)
-        if later and not (fits and _focal_share(fits[0]) < _CERTAIN):
-            search = True
-            summary = self._assess(row, problem, search, arrays, 0)
-        if search:
+        arrays, given = assessment(len(self.view.image)), self._given(row)
+        if others is None and self.camera is None and len(self.view.image) > 4:
+            # Other optima need a fit first, to see whether there can be any.
+            fits = self._fits([row], given)
+            if not (fits and _focal_share(fits[0]) < _CERTAIN):
+                fitted = row.copy()
+                summary = self._assess(row, problem, True, arrays, _FEW_STEPS)
+                found = (row, *arrays.others[: summary.others])
+                fits += self._fits([one for one in found if not same_optimum(one, fitted)], given)
+            return self._result(fits, status, iterations)
+        summary = self._assess(row, problem, others is None, arrays, _FEW_STEPS)
+        if others is None:
             others = arrays.others[: summary.others]
-        if others is not None:
-            fits += self._fits(others, given)
+        fits = self._fits([row, *others], given)
         camera_fit = None if self.camera is None else CameraFit(*summary.stretch)
         return self._result(fits, status, iterations, camera_fit)
 
