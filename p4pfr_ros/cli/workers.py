@@ -40,8 +40,6 @@ _FIRST, _TIMED = 1, 4
 WORTH_S = 2.0
 # With more images, processes are likely to be worth it.
 _LIKELY = 100
-# How long processes take to start, s.
-_START_S = 1.0
 _IMPORTED = ['p4pfr_ros.cli.estimate', 'p4pfr_ros.cli.calibrate']
 # Images that are sent to a process together, and such tasks per process that wait.
 _PER_TASK, _AHEAD = 8, 2
@@ -80,7 +78,8 @@ def in_order(
         if total is not None and total > _LIKELY:
             _start_server()
         yield from map(function, islice(waiting, _FIRST))
-        began_s = time.perf_counter()
+        # What this process has done until here, the others have to do as well.
+        start_s, began_s = time.process_time(), time.perf_counter()
         yield from map(function, islice(waiting, _TIMED))
         each_s = (time.perf_counter() - began_s) / _TIMED
         left = None if total is None else total - _FIRST - _TIMED
@@ -88,7 +87,7 @@ def in_order(
             yield from _on_processes(function, waiting, 0, jobs, per_task=1)
             return
         if left * each_s > WORTH_S:
-            here = min(int(_START_S / each_s), left // (jobs + 1))
+            here = min(int(start_s / each_s), left // (jobs + 1))
             per_task = max(1, min(_PER_TASK, left // (_AHEAD * jobs)))
             yield from _on_processes(function, waiting, here, jobs, per_task)
             return
