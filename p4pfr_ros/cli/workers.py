@@ -106,16 +106,18 @@ def _on_processes(
     _start_server()
     executor = ProcessPoolExecutor(jobs, context, _prepare_worker)
     futures: deque[Future[list[Result]]] = deque()
-    first = list(islice(items, here))
+    own = list(islice(items, here))
     try:
         while chunk := list(islice(items, per_task)):
             with without_interrupts():
                 futures.append(executor.submit(_all, function, chunk))
-            while len(futures) > _AHEAD * jobs or (futures and futures[0].done() and not first):
-                yield from map(function, first)
-                first.clear()
+            if own and len(futures) <= _AHEAD * jobs:
+                continue  # the processes get their tasks before this one goes on
+            yield from map(function, own)
+            own.clear()
+            while futures and (len(futures) > _AHEAD * jobs or futures[0].done()):
                 yield from futures.popleft().result()
-        yield from map(function, first)
+        yield from map(function, own)
         while futures:
             yield from futures.popleft().result()
     except BrokenProcessPool:

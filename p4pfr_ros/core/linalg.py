@@ -25,7 +25,7 @@ _NEGLIGIBLE = 1e-60
 # variance by 1 % where the smallest eigenvalue is 1e-11, by 10 % where it is 1e-12.
 _RIDGE = 1e-13
 
-# A smaller diagonal entry is none: the square of its inverse would not be finite.
+# A smaller diagonal entry counts as no information: the square of its inverse might overflow.
 _NO_INFORMATION = 1e-150
 
 
@@ -121,6 +121,8 @@ def inverse_of_information(information: Array) -> Array:
     """Invert a symmetric matrix (n, n) as `invert_information` does."""
     n = len(information)
     inverse = np.empty((n, n))
+    if n == 0:
+        return inverse
     # A copy: a read-only array would compile the kernel once more.
     invert_information(np.array(information, order='C'), n, np.empty((n, n + 1)), inverse)
     return inverse

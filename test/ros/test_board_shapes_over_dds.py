@@ -167,7 +167,7 @@ def test_self_calibration_says_what_is_missing_and_how_the_board_is_bent(node):
     for index in range(104, 140):
         node.pose(index)
     message, values = node.status(lambda values: values['missing'] == 'nothing')
-    said_px = float(re.search(r'([\d.]+) px at most where seen', message).group(1))
+    said_px = float(re.search(r'(\d+\.\d\d) px at most where seen', message).group(1))
     assert said_px == pytest.approx(float(values['projection_sigma_px']), abs=0.006)
     assert values[f'board.{NAME}'].startswith('bowed by 1.')
     assert float(values['calibration_scatter']) >= 1.0

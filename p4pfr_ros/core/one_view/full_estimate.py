@@ -127,22 +127,27 @@ class FullViewProblem(ViewProblem):
         self, row: Array, problem: Problem, others: Array | None, status: Status, iterations: int
     ) -> PoseEstimate:
         """Return the result of the full fits that start from a row and its alternatives."""
-        arrays, given = assessment(len(self.view.image)), self._given(row)
-        if others is None and self.camera is None and len(self.view.image) > 4:
-            # Other optima need a fit first, to see whether there can be any.
-            fits = self._fits([row], given)
-            if not (fits and _focal_share(fits[0]) < _CERTAIN):
-                fitted = row.copy()
-                summary = self._assess(row, problem, True, arrays, _FEW_STEPS)
-                found = (row, *arrays.others[: summary.others])
-                fits += self._fits([one for one in found if not same_optimum(one, fitted)], given)
-            return self._result(fits, status, iterations)
+        n, given = len(self.view.image), self._given(row)
+        if others is None and self.camera is None and n > 4:
+            return self._result(self._fits_of_search(row, problem, given), status, iterations)
+        arrays = assessment(n)
         summary = self._assess(row, problem, others is None, arrays, _FEW_STEPS)
         if others is None:
             others = arrays.others[: summary.others]
         fits = self._fits([row, *others], given)
         camera_fit = None if self.camera is None else CameraFit(*summary.stretch)
         return self._result(fits, status, iterations, camera_fit)
+
+    def _fits_of_search(self, row: Array, problem: Problem, given: FullProblem) -> list[ViewFit]:
+        """Return the fit from a row and, if it leaves room for other optima, fits from those."""
+        fits = self._fits([row], given)
+        if fits and _focal_share(fits[0]) < _CERTAIN:
+            return fits
+        fitted, arrays = row.copy(), assessment(len(self.view.image))
+        summary = self._assess(row, problem, True, arrays, _FEW_STEPS)
+        # The row may have been swapped with a better one.
+        found = (row, *arrays.others[: summary.others])
+        return fits + self._fits([one for one in found if not same_optimum(one, fitted)], given)
 
     def estimate_from(
         self, rows: Sequence[Array], status: Status, iterations: int, rival: Rival | None = None

@@ -91,8 +91,9 @@ class ImageStream:
             max_megapixels=options.max_megapixels,
         )
         image: ImageArray | Rejected
-        if self._kernels.pending:
-            image = Rejected('compiling', self._kernels.pending)
+        pending = self._kernels.pending
+        if pending:
+            image = Rejected('compiling', pending)
         elif isinstance(msg, CompressedImage):
             image = image_from_compressed(msg, how)
         else:
@@ -119,8 +120,9 @@ class ImageStream:
             publishers=self._subscription.publisher_count,
             rejections=self._rejections.counts,
         )
-        if self._kernels.pending:
-            status.level, status.message = DiagnosticStatus.WARN, self._kernels.pending
+        pending = self._kernels.pending
+        if pending:
+            status.level, status.message = DiagnosticStatus.WARN, pending
         status.name = f'{self._node.get_fully_qualified_name()[1:]}: images'
         status.hardware_id = self._frame_id
         header = Header(stamp=self._node.get_clock().now().to_msg())
