@@ -219,10 +219,10 @@ def _lattice(saddles: Array, members: Ints, cells: Ints) -> Array:
 
 def _board_in_lattice(lattice: Array, columns: int, rows: int) -> Array | None:
     """Return the corners (rows, columns, 2) of a board in a lattice; None without one."""
-    grids = []
     for turned in (lattice, lattice.swapaxes(0, 1))[: 2 if columns != rows else 1]:
         # One more line on each side shows whether the lattice continues there.
-        wider = np.pad(turned, ((rows, rows), (columns, columns), (0, 0)), constant_values=np.nan)
+        wider = np.full((turned.shape[0] + 2 * rows, turned.shape[1] + 2 * columns, 2), np.nan)
+        wider[rows:-rows, columns:-columns] = turned
         is_found = np.isfinite(wider[..., 0])
         count = _window_sums(is_found, rows, columns)
         top, left = np.unravel_index(np.argmax(count), count.shape)
@@ -230,13 +230,14 @@ def _board_in_lattice(lattice: Array, columns: int, rows: int) -> Array | None:
             continue
         around = is_found[top - 1 : top + rows + 1, left - 1 : left + columns + 1]
         if _has_own_sides(around):
-            grids.append(_filled(wider[top : top + rows, left : left + columns]))
-    return grids[0] if grids else None
+            return _filled(wider[top : top + rows, left : left + columns])
+    return None
 
 
 def _window_sums(counted: Mask, rows: int, columns: int) -> Ints:
     """Return the number of true elements in each window of so many rows and columns."""
-    sums = np.pad(np.cumsum(np.cumsum(counted, axis=0, dtype=np.int64), axis=1), ((1, 0), (1, 0)))
+    sums = np.zeros((counted.shape[0] + 1, counted.shape[1] + 1), np.int64)
+    sums[1:, 1:] = np.cumsum(np.cumsum(counted, axis=0), axis=1)
     windows: Ints = (
         sums[rows:, columns:] - sums[:-rows, columns:] - sums[rows:, :-columns]
     ) + sums[:-rows, :-columns]
@@ -314,12 +315,8 @@ def _upward_px(grid: Array) -> float:
 def _spacing_px(grid: Array) -> Array:
     """Return the distance (rows, columns) px from each corner to its nearest neighbour."""
     spacing_px = np.full(grid.shape[:2], np.inf)
-    for axis in (0, 1):
-        step_px = np.linalg.norm(np.diff(grid, axis=axis), axis=2)
-        step_px = np.where(np.isnan(step_px), np.inf, step_px)
-        before, after = [(0, 0), (0, 0)], [(0, 0), (0, 0)]
-        before[axis], after[axis] = (1, 0), (0, 1)
-        for side in (before, after):
-            padded_px = np.pad(step_px, side, constant_values=np.inf)
-            spacing_px = np.minimum(spacing_px, padded_px)
+    for points, nearest_px in ((grid, spacing_px), (grid.swapaxes(0, 1), spacing_px.T)):
+        step_px = np.linalg.norm(np.diff(points, axis=0), axis=2)
+        for ends in (nearest_px[1:], nearest_px[:-1]):
+            np.fmin(ends, step_px, out=ends)  # a step to an unknown corner is NaN: ignored
     return spacing_px

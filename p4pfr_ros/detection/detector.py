@@ -120,17 +120,23 @@ def detect(
 
 def _window(board: Board, near: Detection, shape: tuple[int, ...]) -> tuple[slice, slice]:
     """Return the rows and columns around the place of a whole board, of which points are known."""
-    homography, _ = cv2.findHomography(near.board_points, near.image_points)
     points = near.image_points
-    if homography is not None:
-        predicted = cv2.perspectiveTransform(board.points[:, None], homography)[:, 0]
-        points = np.concatenate([points, predicted])
+    if len(points) < len(board.points):
+        points = np.concatenate([points, _predicted_points(board, near)])
     margin = np.maximum(_WINDOW_MARGIN * np.ptp(near.image_points, axis=0).max(), _MIN_MARGIN_PX)
     size = np.array(shape[::-1])
     low = np.clip(np.nan_to_num(points.min(axis=0) - margin), 0, size).astype(int)
     high = np.clip(np.nan_to_num(points.max(axis=0) + margin), 0, size).astype(int)
     high = np.maximum(high, np.minimum(low + _MIN_IMAGE_SIDE_PX, size))
     return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
+
+
+def _predicted_points(board: Board, near: Detection) -> Array:
+    """Return all points (N, 2) px of a board of which some are known; none if they do not tell."""
+    homography, _ = cv2.findHomography(near.board_points, near.image_points)
+    if homography is None:
+        return np.empty((0, 2))
+    return cv2.perspectiveTransform(board.points[:, None], homography)[:, 0]
 
 
 def _moved(detection: Detection, offset_px: Ints) -> Detection:

@@ -34,6 +34,20 @@ _BORDER_PX = 4
 _NEIGHBOURHOOD = np.ones((5, 5), np.uint8)
 # The image is searched in bands of about this size, which stay in the cache.
 _BAND_PIXELS = 320_000
+# Derivatives from the 3x3 levels around a pixel (row by row): by x, y, xx, yy, xy.
+_MIDDLE, _SLOPE, _BEND = [0.0, 1.0, 0.0], [-0.5, 0.0, 0.5], [1.0, -2.0, 1.0]
+_DERIVATIVES = np.array(
+    [
+        np.outer(along_y, along_x).ravel()
+        for along_y, along_x in (
+            (_MIDDLE, _SLOPE),
+            (_SLOPE, _MIDDLE),
+            (_MIDDLE, _BEND),
+            (_BEND, _MIDDLE),
+            (_SLOPE, _SLOPE),
+        )
+    ]
+)
 # Smallest √(-det) of the second derivatives at a saddle, grey levels / px².
 _MIN_CURVATURE = 0.7
 # A maximum of -det farther than this from its saddle point, px, is not a corner.
@@ -137,10 +151,7 @@ def _described(smooth: NDArray[np.int16], x: Ints, y: Ints) -> Array:
     """Return the saddles (N, 5) near pixels."""
     steps = np.arange(-1, 2)
     around = smooth[y[:, None, None] + steps[:, None], x[:, None, None] + steps] / _PER_LEVEL
-    middle, slope, bend = np.array([[0.0, 1.0, 0.0], [-0.5, 0.0, 0.5], [1.0, -2.0, 1.0]])
-    # (N, row, column): the last axis, x, goes first.
-    by_x, by_y = around @ slope @ middle, around @ middle @ slope
-    xx, yy, xy = around @ bend @ middle, around @ middle @ bend, around @ slope @ slope
+    by_x, by_y, xx, yy, xy = (around.reshape(-1, 9) @ _DERIVATIVES.T).T
     determinant = xx * yy - xy * xy
     # Newton's step to the saddle point, where the gradient vanishes.
     dx, dy = (xy * by_y - yy * by_x) / determinant, (xy * by_x - xx * by_y) / determinant
