@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The size of an image file from its header, without decoding it.
+What the header of an image file tells without decoding the image: mostly its size.
 
 A small file can hold a huge image: 97 kB of PNG are 10000x10000 pixels, and gigabytes of memory
 when decoded. So sizes are checked before.
@@ -12,6 +12,7 @@ This module stands alone: it is the only one that knows the formats of image fil
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import re
 import struct
 
@@ -23,8 +24,10 @@ _START_OF_SCAN = 0xDA
 _WITHOUT_LENGTH = frozenset((0x01, *range(0xD0, 0xD9)))
 _TIFF = {b'II*\0': '<', b'MM\0*': '>'}
 _TIFF_WIDTH, _TIFF_HEIGHT, _TIFF_SHORT, _TIFF_LONG = 256, 257, 3, 4
-# Magic number, then width and height, separated by white space and comments.
-_PNM = re.compile(rb'P[1-6]' + 2 * rb'(?:\s+|#[^\n]*\n)+(\d{1,9})' + rb'\s')
+_TIFF_ORIENTATION = 274
+# Magic number, then width and height, separated by white space and comments. One space at a time:
+# spaces must not match in several ways, or the time grows exponentially with their number.
+_PNM = re.compile(rb'P[1-6]' + 2 * rb'(?:\s|#[^\n]*\n)+(\d{1,9})' + rb'\s')
 
 
 def is_image(data: bytes) -> bool:
@@ -108,15 +111,40 @@ def _webp_size(data: bytes) -> tuple[int, int] | None:
     return None
 
 
+def without_orientation(data: bytes) -> bytes:
+    """
+    Return the data of an image file; those of a TIFF file without the tag of its orientation.
+
+    OpenCV ignores the orientation of other formats on request, but turns TIFF images always.
+    """
+    order = _TIFF.get(data[:4])
+    if order is None:
+        return data
+    try:
+        places = [at for tag, _, at in _tiff_entries(data, order) if tag == _TIFF_ORIENTATION]
+    except struct.error:  # damaged: the decoder tells
+        return data
+    upright = bytearray(data)
+    for at in places:
+        struct.pack_into(f'{order}H', upright, at, 1)
+    return bytes(upright)
+
+
 def _tiff_size(data: bytes, order: str) -> tuple[int, int] | None:
-    (at,) = struct.unpack_from(f'{order}I', data, 4)
-    (count,) = struct.unpack_from(f'{order}H', data, at)
     found = {}
-    for entry in range(at + 2, at + 2 + 12 * count, 12):
-        tag, kind, _ = struct.unpack_from(f'{order}HHI', data, entry)
+    for tag, kind, at in _tiff_entries(data, order):
         if tag in (_TIFF_WIDTH, _TIFF_HEIGHT) and kind in (_TIFF_SHORT, _TIFF_LONG):
             layout = f'{order}H' if kind == _TIFF_SHORT else f'{order}I'
-            (found[tag],) = struct.unpack_from(layout, data, entry + 8)
+            (found[tag],) = struct.unpack_from(layout, data, at)
     if len(found) < 2:
         return None
     return int(found[_TIFF_WIDTH]), int(found[_TIFF_HEIGHT])
+
+
+def _tiff_entries(data: bytes, order: str) -> Iterator[tuple[int, int, int]]:
+    """Yield tag, type, and where the value is, for each entry of the first directory."""
+    (at,) = struct.unpack_from(f'{order}I', data, 4)
+    (count,) = struct.unpack_from(f'{order}H', data, at)
+    for entry in range(at + 2, at + 2 + 12 * count, 12):
+        tag, kind, _ = struct.unpack_from(f'{order}HHI', data, entry)
+        yield tag, kind, entry + 8

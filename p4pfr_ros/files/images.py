@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros.files.image_headers import size_of
+from p4pfr_ros.files.image_headers import size_of, without_orientation
 from p4pfr_ros.files.levels import to_eight_bits
 from p4pfr_ros.files.writing import not_writable
 from p4pfr_ros.files.yaml_fields import ConfigError
@@ -63,7 +63,7 @@ def read_image(path: str | os.PathLike[str], how: Decoding = DEFAULT_DECODING) -
     """
     Read an image as the sensor delivered it: (h, w) grey or (h, w, 3) BGR, uint8.
 
-    The EXIF orientation is ignored: it would move the principal point and swap the image axes.
+    The orientation of EXIF and TIFF is ignored: it would move the principal point and swap the image axes.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def decode_image(data: bytes, how: Decoding = DEFAULT_DECODING) -> ImageArray | 
     colour = cv2.IMREAD_GRAYSCALE if how.as_grey else cv2.IMREAD_ANYCOLOR
     flags = colour | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        decoded = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
+        decoded = cv2.imdecode(np.frombuffer(without_orientation(data), np.uint8), flags)
     except cv2.error:
         decoded = None
     if decoded is None:

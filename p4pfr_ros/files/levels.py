@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 _QUANTILES = (0.001, 0.999)
 # Every n-th pixel in both directions is enough to know the levels.
 _STEP = 4
+_ENOUGH = 100
 # An image that uses less than this share of its type's range is scaled by its content.
 _MIN_SHARE = 0.5
 
@@ -57,7 +58,9 @@ def to_eight_bits(values: NDArray[Any], *, by_content: bool = True) -> NDArray[n
 
 def _used(sample: NDArray[Any], values: NDArray[Any]) -> tuple[float, float]:
     """Return the levels that an image uses, from a sample of it if that has enough values."""
-    low, high = np.quantile(sample if sample.size >= 100 else values, _QUANTILES)
+    levels = sample if sample.size >= _ENOUGH else values
+    measured = levels[levels != 0]  # depth cameras send 0 where there is no measurement
+    low, high = np.quantile(measured if measured.size >= _ENOUGH else levels, _QUANTILES)
     return float(low), float(high)
 
 

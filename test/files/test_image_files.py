@@ -8,7 +8,7 @@ import struct
 from board_views import BOARDS, CAMERAS, seen_from, SIZE
 import cv2
 import numpy as np
-from p4pfr_ros.files.image_headers import size_of
+from p4pfr_ros.files.image_headers import is_image, size_of
 from p4pfr_ros.files.images import decode_image, read_image, write_image
 from p4pfr_ros.files.yaml_fields import ConfigError
 from p4pfr_ros.rendering import render
@@ -115,6 +115,30 @@ def test_exif_orientation_is_ignored(tmp_path):
     path.write_bytes(with_exif(path.read_bytes(), tiff))
     assert cv2.imread(str(path)).shape == (640, 480, 3)
     np.testing.assert_array_equal(read_image(path), plain)
+
+
+@pytest.mark.parametrize('orientation', range(1, 9))
+def test_tiff_orientation_is_ignored(tmp_path, orientation):
+    path = tmp_path / 'a.tif'
+    write_image(path, IMAGE)
+    plain, data = read_image(path), path.read_bytes()
+    # The same directory once more, at the end, with an entry for the orientation.
+    (at,) = struct.unpack_from('<I', data, 4)
+    (count,) = struct.unpack_from('<H', data, at)
+    entries = [data[n : n + 12] for n in range(at + 2, at + 2 + 12 * count, 12)]
+    entries = [each for each in entries if each[:2] != struct.pack('<H', 274)]
+    entries.append(struct.pack('<HHIHH', 274, 3, 1, orientation, 0))
+    entries.sort(key=lambda each: struct.unpack_from('<H', each))
+    directory = struct.pack('<H', len(entries)) + b''.join(entries) + bytes(4)
+    path.write_bytes(data[:4] + struct.pack('<I', len(data)) + data[8:] + directory)
+    np.testing.assert_array_equal(read_image(path), plain)
+
+
+def test_a_header_of_spaces_is_rejected_at_once():
+    """A pattern that matches spaces in several ways would take years."""
+    for data in (b'P5' + 900 * b' ' + b'x', b'P5' + 400 * b' #\n' + b'x'):
+        assert size_of(data) is None
+        assert not is_image(data)
 
 
 def test_other_files_are_rejected(tmp_path, capfd):

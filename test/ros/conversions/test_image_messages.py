@@ -99,6 +99,17 @@ def test_deep_images_are_scaled_by_the_levels_that_they_use(encoding, values):
     np.testing.assert_allclose(image, stretched, atol=2.0)
 
 
+@pytest.mark.parametrize('encoding', ['16UC1', '32FC1'])
+def test_pixels_without_a_measurement_do_not_count(encoding):
+    """Depth cameras send 0."""
+    values = 20000 + 4 * GREY.astype(np.uint16 if encoding == '16UC1' else np.float32)
+    values[::5, ::2] = 0
+    image = image_from_msg(_image(encoding, values))
+    assert (image[::5, ::2] == 0).all()
+    stretched = (GREY.astype(float) - GREY.min()) * 255.0 / np.ptp(GREY.astype(float))
+    np.testing.assert_allclose(image[1::5], stretched[1::5], atol=2.0)
+
+
 def test_levels_that_are_not_finite_are_black_and_do_not_count():
     values = 0.01 * GREY.astype(np.float32)
     values[3, 4], values[5, 6] = np.nan, np.inf
