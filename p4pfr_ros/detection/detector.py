@@ -105,17 +105,28 @@ def detect(
         height, width = grey.shape
         at_least = f'{_MIN_IMAGE_SIDE_PX}x{_MIN_IMAGE_SIDE_PX}'
         return _rejected(f'image too small: {width}x{height} px, at least {at_least} px needed')
+    found = None
     if near is not None and len(near.ids):
-        rows, columns = _window(board, near, grey.shape[:2])
-        window = np.ascontiguousarray(grey[rows, columns])
-        is_small = window.size < _MAX_WINDOW * grey.size
-        if is_small and min(window.shape) >= _MIN_IMAGE_SIDE_PX:
-            offset_px = np.array([columns.start, rows.start])
-            lens = LensMiddle.of(grey.shape, offset_px)
-            detection = _detect_in(window, board, min_marker_px, lens)
-            if len(detection.ids) >= len(near.ids):
-                return _moved(detection, offset_px)
-    return _detect_in(grey, board, min_marker_px, LensMiddle.of(grey.shape))
+        found = _detect_near(grey, board, near, min_marker_px)
+    return found or _detect_in(grey, board, min_marker_px, LensMiddle.of(grey.shape))
+
+
+def _detect_near(
+    grey: NDArray[np.uint8], board: Board, near: Detection, min_marker_px: float
+) -> Detection | None:
+    """Return what is found around the place of an earlier detection; None if it may be less."""
+    rows, columns = _window(board, near, grey.shape)
+    window = np.ascontiguousarray(grey[rows, columns])
+    is_small = window.size < _MAX_WINDOW * grey.size
+    if not is_small or min(window.shape) < _MIN_IMAGE_SIDE_PX:
+        return None
+    offset_px = np.array([columns.start, rows.start])
+    lens = LensMiddle.of(grey.shape, offset_px)
+    found = _moved(_detect_in(window, board, min_marker_px, lens), offset_px)
+    is_complete = len(found.ids) >= len(near.ids) and not _is_cut(
+        board, found, offset_px, offset_px + window.shape[::-1], grey.shape
+    )
+    return found if is_complete else None
 
 
 def _window(board: Board, near: Detection, shape: tuple[int, ...]) -> tuple[slice, slice]:
@@ -129,6 +140,16 @@ def _window(board: Board, near: Detection, shape: tuple[int, ...]) -> tuple[slic
     high = np.clip(np.nan_to_num(points.max(axis=0) + margin), 0, size).astype(int)
     high = np.maximum(high, np.minimum(low + _MIN_IMAGE_SIDE_PX, size))
     return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
+
+
+def _is_cut(board: Board, found: Detection, low: Ints, high: Ints, shape: tuple[int, ...]) -> bool:
+    """Return whether a board goes on in an image (h, w) outside the window from low to high."""
+    if len(found.ids) == len(board.points):
+        return False
+    points = _predicted_points(board, found)
+    in_image = ((points >= 0) & (points < shape[::-1])).all(axis=1)
+    in_window = ((points >= low) & (points < high)).all(axis=1)
+    return not len(points) or bool((in_image & ~in_window).any())
 
 
 def _predicted_points(board: Board, near: Detection) -> Array:

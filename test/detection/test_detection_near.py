@@ -90,3 +90,16 @@ def test_a_last_place_in_an_image_of_another_size_does_no_harm():
     assert before.reason == ''
     after = detect(image, board, near=before)
     assert np.linalg.norm(after.image_points - truth, axis=1).max() < 0.3
+
+
+def test_a_board_that_the_window_cuts_is_searched_in_the_whole_image():
+    """A board that came in partly may show as many points in the window, and more beside it."""
+    board, images = BOARDS['charuco'], []
+    for n in (4, 5):
+        offset = 0.42 * np.sin(1.1 * n), 0.25 * np.sin(0.9 * n + 0.5)
+        pose = seen_from(0.9, (0.2, 0.1), 0.1 * n, offset)
+        images.append(render(board, CAMERA, pose, SIZE, **REAL_LENS, seed=n))
+    before, alone = (detect(image, board) for image in images)
+    near = detect(images[1], board, near=before)
+    assert 4 <= len(before.ids) < len(alone.ids)
+    assert set(near.ids.tolist()) == set(alone.ids.tolist())
