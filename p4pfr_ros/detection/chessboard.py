@@ -110,7 +110,7 @@ def _without_ragged_sides(grid: Array) -> Array:
         is_ragged = False
         for _ in range(4):  # each side in turn becomes the first line
             grid = np.rot90(grid)
-            while len(grid) and np.isfinite(grid[0, :, 0]).mean() < _MIN_FOUND_ON_SIDE:
+            while grid.size and np.isfinite(grid[0, :, 0]).mean() < _MIN_FOUND_ON_SIDE:
                 grid, is_ragged = grid[1:], True
     return grid
 

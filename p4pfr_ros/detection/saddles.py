@@ -36,12 +36,12 @@ _MIN_RADIUS_PX, _MAX_RADIUS_PX = 2.5, 8.0
 _HALF_WINDOW_PX = math.ceil(1.12 * _MAX_RADIUS_PX)
 # Initial sharpness parameter q of each pass; each pass recentres the patches. The first pass
 # starts with soft edges, which converge from farther away.
-_START_SHARPNESS = (-2.0, 0.0)
+_START_SHARPNESS = (-1.0, -0.3)
 _ITERATIONS = 5
-_FIRST_DAMPING = 1e-3
+_FIRST_DAMPING = 3e-2
 # A fit ends early after a step as short as this, pixels: later ones are at least ten times
 # shorter. The first pass only centres the patch of the second one.
-_CONVERGED_PX = (1e-3, 1e-6)
+_CONVERGED_PX = (1e-3, 1e-5)
 # Acceptance: a minimum contrast, in grey levels; a minimum fraction of the patch inside the image;
 # a maximum rms residual, relative to the contrast.
 _MIN_CONTRAST = 4.0
@@ -62,12 +62,15 @@ class Saddles:
         Whether the fit was accepted.
     misfit : (N,) array
         Rms residual, relative to the contrast.
+    contrast : (N,) array
+        Half the difference between black and white, grey levels.
 
     """
 
     points: Array
     good: Mask
     misfit: Array
+    contrast: Array
 
 
 def refine_saddles(
@@ -106,7 +109,7 @@ def refine_saddles(
         & (moved_px < np.clip(radii * shortest_px, _MIN_RADIUS_PX, _MAX_RADIUS_PX))
         & (inside > _MIN_INSIDE)
     )
-    return Saddles(fitted, good, misfit)
+    return Saddles(fitted, good, misfit, contrast)
 
 
 @kernel

@@ -22,7 +22,8 @@ GRID = MarkerGrid(
 )
 KALIBR = AprilGrid(columns=4, rows=3, tag_m=0.05, spacing=0.3)
 MARKER = Marker(id=7, size_m=0.12, dictionary='DICT_5X5_100')
-CHARUCO = dataclasses.replace(BOARDS['charuco'], dictionary='DICT_4X4_100')
+CHARUCO_4X4 = BOARDS['charuco']
+CHARUCO = dataclasses.replace(CHARUCO_4X4, dictionary='DICT_4X4_100')
 
 
 def with_border(board, bits):
@@ -154,3 +155,15 @@ def test_charuco_corners_between_large_markers_are_right_or_absent():
         truth = project(camera, pose, board.points[detection.ids])
         assert len(detection.ids) >= 12
         assert np.linalg.norm(detection.image_points - truth, axis=1).max() < 1.0
+
+
+@pytest.mark.parametrize('n', range(8, 14))
+def test_charuco_corners_of_small_squares_are_right_or_absent(n):
+    """The fit of a corner may begin 2.5 px beside it, and end between two cells of a marker."""
+    camera = CAMERAS['strong']
+    pose = seen_from(1.8 * (0.42 / 1.8) ** (n / 23), (0.2, 0.1), 0.02 * n, (0.05, 0.0))
+    image = render(CHARUCO_4X4, camera, pose, SIZE, noise_sigma=2, blur_sigma_px=0.7, seed=n)
+    detection = detect(image, CHARUCO_4X4)
+    truth = project(camera, pose, CHARUCO_4X4.points[detection.ids])
+    assert len(detection.ids) >= 8
+    assert np.linalg.norm(detection.image_points - truth, axis=1).max() < 0.3
