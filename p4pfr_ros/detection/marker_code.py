@@ -27,6 +27,8 @@ _UNCLEAR_IN_CONTRASTS, _MAX_UNCLEAR_FRACTION = -0.5, 0.05
 # White cells are as bright as the margin, 1 contrast above the middle. If they are brighter than
 # this, the margin is too narrow to be seen, and the edge lies between the marker and a wall.
 _MAX_EXCESS = 2.0
+# If none of them is as bright as this, a wall brighter than the paper is taken for the margin.
+_MIN_BRIGHTEST = 0.4
 
 
 @kernel
@@ -67,7 +69,7 @@ def reads(
     """
     count = len(cells)
     g, h = perspective(corners)
-    wrong, unclear, white, excess = 0, 0, 0, 0.0
+    wrong, unclear, white, excess, brightest = 0, 0, 0, 0.0, 0.0
     for row in range(count):
         t = (row + 0.5) / count
         for column in range(count):
@@ -94,7 +96,8 @@ def reads(
             elif not cells[row, column]:
                 white += 1
                 excess += (level - middle) / contrast
-    has_white_margin = excess <= _MAX_EXCESS * white
+                brightest = max(brightest, (level - middle) / contrast)
+    has_white_margin = excess <= _MAX_EXCESS * white and (not white or brightest >= _MIN_BRIGHTEST)
     if not has_white_margin or wrong > _MAX_WRONG_FRACTION * count * count:
         return 0
     return 2 if unclear <= _MAX_UNCLEAR_FRACTION * count * count else 1

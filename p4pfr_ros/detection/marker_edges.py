@@ -83,6 +83,9 @@ _MIN_BRIGHTNESS = 0.6
 _MIN_MARGIN_PX = 2.0
 # Widths of the margin, in cells, of which the outer edge may have been taken for the marker's.
 _MARGINS_IN_CELLS = (0.0, 0.12, 0.2, 0.3, 0.45, 0.65, 0.85, 1.1)
+# By how many cells the outline may lie within a border of several cells: where squares touch the
+# corners of a marker, as in Kalibr's grids, only the inner outline of its blurred edge is closed.
+_INSETS_IN_CELLS = (0.4, 0.8)
 
 # Columns of an edge's frame: midpoint, unit directions along and across (out of the marker), and
 # half the length, pixels.
@@ -122,8 +125,26 @@ def refine_markers(
     scratch = _Scratch(
         np.empty((4, 2)), np.empty((4, pixels)), np.empty((4, 7)), np.empty((4, 7)), room(pixels)
     )
-    _refine(grey, start, np.ascontiguousarray(cells), _unit_samples(), scratch, refined, status)
+    _refine(
+        grey,
+        start,
+        np.ascontiguousarray(cells),
+        _margins(cells[0]),
+        _unit_samples(),
+        scratch,
+        refined,
+        status,
+    )
     return refined, status
+
+
+def _margins(cells: NDArray[np.bool_]) -> Array:
+    """Return by how many cells the outline of a marker (n, n) may be too wide; first the likely."""
+    within = cells[1:-1, 1:-1]
+    is_border_wide = within[[0, -1]].all() and within[:, [0, -1]].all()
+    first, *others = _MARGINS_IN_CELLS
+    insets = [-inset for inset in _INSETS_IN_CELLS if is_border_wide]
+    return np.array([first, *insets, *others])
 
 
 class _Scratch(NamedTuple):
@@ -160,6 +181,7 @@ def _refine(
     grey: NDArray[np.uint8],
     corners: Array,
     cells: NDArray[np.bool_],
+    margins: Array,
     unit: Array,
     scratch: _Scratch,
     refined: Array,
@@ -168,8 +190,7 @@ def _refine(
     """Refine M markers; those that are not found keep NaN in ``refined``."""
     for n in range(len(corners)):
         status[n] = NO_EDGES
-        for turn in range(len(_MARGINS_IN_CELLS)):
-            margin = _MARGINS_IN_CELLS[turn]
+        for margin in margins:
             count = cells.shape[1]
             _shrink(corners[n], count / (count + 2.0 * margin), scratch.start)
             # The strip must not be wider than the margin that is assumed.

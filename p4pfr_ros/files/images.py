@@ -63,7 +63,8 @@ def read_image(path: str | os.PathLike[str], how: Decoding = DEFAULT_DECODING) -
     """
     Read an image as the sensor delivered it: (h, w) grey or (h, w, 3) BGR, uint8.
 
-    The orientation of EXIF and TIFF is ignored: it would move the principal point and swap the image axes.
+    The orientation of EXIF and TIFF is ignored: it would move the principal point and swap the
+    image axes.
 
     Raises
     ------

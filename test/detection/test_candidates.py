@@ -58,6 +58,17 @@ def test_only_the_right_border_gives_corners(board, printed):
         )
 
 
+@pytest.mark.parametrize('distance_m', [0.5, 0.45, 0.4])
+def test_tags_whose_outlines_touch_corner_squares_are_found(distance_m):
+    """Only the inner outline of a tag's blurred edge is closed, up to a cell inside the tag."""
+    board = dataclasses.replace(KALIBR, columns=6, rows=6, tag_m=0.03)
+    pose = seen_from(distance_m, (0.05, 0.02), 0.05)
+    detection = detect(render(board, CAMERAS['strong'], pose, SIZE, **REAL_LENS), board)
+    truth = project(CAMERAS['strong'], pose, board.points[detection.ids])
+    assert len(detection.ids) == len(board.points)
+    assert np.linalg.norm(detection.image_points - truth, axis=1).max() < 0.3
+
+
 def test_a_charuco_board_may_have_wide_borders():
     board = dataclasses.replace(CHARUCO, border_bits=2, marker_m=0.03)
     image = render(board, CAMERA, POSE, SIZE, **REAL_LENS)

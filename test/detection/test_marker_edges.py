@@ -13,7 +13,7 @@ from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.detection import detect
 from p4pfr_ros.detection.aruco import marker_cells
 from p4pfr_ros.detection.marker_edges import DOUBTFUL, FOUND, NO_EDGES, OTHER_CODE, refine_markers
-from p4pfr_ros.rendering import render
+from p4pfr_ros.rendering import render, Renderer
 from p4pfr_ros.rendering.rasterizer import coverage
 import pytest
 
@@ -117,6 +117,17 @@ def test_a_marker_with_another_code_is_absent():
         assert refine_markers(image, truth[None], cells[None])[1] == OTHER_CODE
 
 
+def on_paper(camera, pose, margin_cells, wall, white=220.0):
+    """Return the image of the marker on paper with a margin, on a wall."""
+    side_m = (1.0 + 2.0 * margin_cells / 6.0) * MARKER.size_m
+    paper = project(camera, pose, side_m * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2)
+    image = Renderer(camera, SIZE, white=white).render(MARKER, pose).astype(float)
+    cut = coverage(np.concatenate([paper, np.roll(paper, -1, axis=0)], axis=1), SIZE)
+    image = cv2.GaussianBlur(cut * image + (1.0 - cut) * wall, (0, 0), 0.6)
+    image += np.random.default_rng(4).normal(0.0, 1.5, image.shape)
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
 @pytest.mark.parametrize('wall', [0.0, 100.0, 160.0])
 @pytest.mark.parametrize('margin_cells', [0.15, 0.25, 0.5, 1.0])
 @pytest.mark.parametrize('distance_m', [0.5, 1.0])
@@ -124,14 +135,7 @@ def test_a_marker_on_paper_with_a_narrow_margin_is_right_or_absent(margin_cells,
     """The edge of the paper is straight, bright and dark, and the code can be read within it."""
     camera = DivisionCamera(700.0, CENTER)
     pose = seen_from(distance_m, (0.35, -0.45), 0.2, (0.02, 0.0))
-    side_m = (1.0 + 2.0 * margin_cells / 6.0) * MARKER.size_m
-    paper = project(camera, pose, side_m * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) / 2)
-    image = render(MARKER, camera, pose, SIZE).astype(float)
-    sides = np.concatenate([paper, np.roll(paper, -1, axis=0)], axis=1)
-    cut = coverage(sides, SIZE)
-    image = cv2.GaussianBlur(cut * image + (1.0 - cut) * wall, (0, 0), 0.6)
-    image += np.random.default_rng(4).normal(0.0, 1.5, image.shape)
-    detection = detect(np.clip(image, 0, 255).astype(np.uint8), MARKER)
+    detection = detect(on_paper(camera, pose, margin_cells, wall), MARKER)
     if detection.reason and cv2.__version__ < '4.7':
         return  # it has fewer candidates: absent more often, but right where present
     if detection.reason:
@@ -140,6 +144,17 @@ def test_a_marker_on_paper_with_a_narrow_margin_is_right_or_absent(margin_cells,
     else:
         truth = project(camera, pose, MARKER.points)
         assert largest_error_px(detection.image_points, truth) < 1.0
+
+
+@pytest.mark.parametrize('margin_cells', [0.1, 0.2, 0.3])
+@pytest.mark.parametrize('wall', [215.0, 245.0])
+def test_a_wall_brighter_than_the_paper_is_not_its_margin(margin_cells, wall):
+    """From black to grey paper to the wall is one step of the image, beside the marker."""
+    camera = DivisionCamera(700.0, CENTER)
+    pose = seen_from(0.9, (0.35, -0.45), 0.2, (0.02, 0.0))
+    detection = detect(on_paper(camera, pose, margin_cells, wall, white=140.0), MARKER)
+    truth = project(camera, pose, MARKER.points[detection.ids])
+    assert np.linalg.norm(detection.image_points - truth, axis=1).max(initial=0.0) < 1.0
 
 
 def test_a_shadow_across_a_marker_gives_right_corners_or_none():
