@@ -37,6 +37,11 @@ _MAGNIFY_BELOW_PX = 12.0
 _LEAST_PERIMETER = 2.2
 # A marker whose corner is nearer to the border of the image may be cut by it.
 _MIN_TO_BORDER_PX = 3.0
+# An image with so many cells shows a pattern: areas that are dark or bright, of at least this
+# width, and fill this share of their bounding box. Photographs have up to 220 areas, a ChArUco
+# board of 20x14 squares 240, noise thousands that are no cells.
+_CELLS, _LEAST_CELL_PX, _FILLED_BY_CELL = 1000, 5, 0.6
+_MARKER_IN_CELLS = 2.0
 
 # The key to name in the error when the dictionary lacks an id of the board. A ChArUco board that
 # begins with id 0 has too many squares.
@@ -157,14 +162,11 @@ def detect_markers(
         return 0.5 * (corners + 0.5) - 0.5, found, 0.5 * (quads + 0.5) - 0.5
     codes = _part_of_dictionary(dictionary, ids) if ids else _dictionary(dictionary)
     parameters = _parameters()
-    parameters.minMarkerPerimeterRate = _LEAST_PERIMETER * min_marker_px / max(grey.shape)
+    least_px = max(min_marker_px, _least_side_px(grey))
+    parameters.minMarkerPerimeterRate = _LEAST_PERIMETER * least_px / max(grey.shape)
     parameters.markerBorderBits = border_bits
     parameters.detectInvertedMarker = with_inverted
-    if _HAS_CLASSES:
-        detector = _aruco.ArucoDetector(codes, parameters)
-        corners, found, quads = detector.detectMarkers(grey)
-    else:
-        corners, found, quads = _aruco.detectMarkers(grey, codes, parameters=parameters)
+    corners, found, quads = _searched(grey, codes, parameters)
     without_code = np.asarray(quads, dtype=np.float64).reshape(-1, 4, 2)
     without_code = without_code[_are_off_border(without_code, grey.shape)]
     if found is None or len(found) == 0:
@@ -176,6 +178,42 @@ def detect_markers(
     found = np.array(ids, dtype=np.int64)[found] if ids else found
     off_border = _are_off_border(stacked, grey.shape)
     return stacked[off_border], found[off_border], without_code
+
+
+def _searched(grey: NDArray[np.uint8], codes: Any, parameters: Any) -> Any:
+    """Return OpenCV's corners, ids and quadrilaterals."""
+    if _HAS_CLASSES:
+        return _aruco.ArucoDetector(codes, parameters).detectMarkers(grey)
+    return _aruco.detectMarkers(grey, codes, parameters=parameters)
+
+
+def _least_side_px(grey: NDArray[np.uint8]) -> float:
+    """
+    Return from which size on markers are searched in an image that shows a pattern, or 0.
+
+    OpenCV compares all quadrilaterals with each other: tiles, a fence or a keyboard cost seconds,
+    of a large image a minute. Markers are larger than the cells of such a pattern.
+    """
+    small = cv2.resize(grey, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+    if max(cv2.connectedComponents(part, connectivity=4)[0] for part in _parts(small)) < _CELLS:
+        return 0.0
+    for part in _parts(grey):
+        _, _, boxes, _ = cv2.connectedComponentsWithStats(part, connectivity=4)
+        width, height, area = boxes[:, 2], boxes[:, 3], boxes[:, 4]
+        is_cell = (np.minimum(width, height) >= _LEAST_CELL_PX) & (
+            area > _FILLED_BY_CELL * width * height
+        )
+        if np.count_nonzero(is_cell) >= _CELLS:
+            return _MARKER_IN_CELLS * float(np.median(np.maximum(width, height)[is_cell]))
+    return 0.0
+
+
+def _parts(grey: NDArray[np.uint8]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return the masks (h, w) of what is dark among its surroundings, and of the rest."""
+    dark = cv2.adaptiveThreshold(
+        grey, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, 7, 4.0
+    )
+    return np.asarray(dark), np.asarray(255 - dark)
 
 
 def _are_off_border(quads: Array, shape: tuple[int, ...]) -> Mask:

@@ -180,3 +180,18 @@ def test_quads_are_clockwise_and_do_not_overlap(name):
     assert (areas > 0.0).all()
     assert black.max() < 1.0 + 1e-9
     assert black.sum() == pytest.approx(2000.0**2 * areas.sum())
+
+
+@pytest.mark.parametrize('pattern', ['fence', 'tiles'])
+def test_cells_of_a_pattern_are_not_compared_with_each_other(pattern):
+    """That takes seconds; a marker in front of them is found all the same."""
+    y, x = np.mgrid[:480, :640]
+    is_dark = (x % 10 < 2) | (y % 10 < 2) if pattern == 'fence' else (x // 12 + y // 12) % 2 == 0
+    image = np.where(is_dark, 40, 200).astype(np.uint8)
+    corners, _, quads = detect_markers(image, 'DICT_4X4_50')
+    assert len(corners) == 0
+    assert len(quads) < 100
+    cells = np.kron(marker_cells('DICT_4X4_50', 3), np.ones((10, 10), bool))
+    image[200:280, 300:380] = 200
+    image[210:270, 310:370] = np.where(cells, 40, 200)
+    assert detect_markers(image, 'DICT_4X4_50')[1].tolist() == [3]
