@@ -21,7 +21,13 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    qos_check_compatible,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+)
 
 from .endpoints import SENSOR_DEPTH, subscribe
 from .overrides import is_overridden, SUBSCRIPTION
@@ -103,16 +109,21 @@ class FollowingSubscription:
         """The number of publishers on the topic, whether they match or not."""
         return int(self._node.count_publishers(self._subscription.topic_name))
 
+    @property
+    def incompatible_count(self) -> int:
+        """The number of publishers whose messages a forced policy keeps away."""
+        return sum(
+            qos_check_compatible(qos, self.qos)[0] == QoSCompatibility.ERROR
+            for qos in self._offered()
+        )
+
     def destroy(self) -> None:
         """Unsubscribe."""
         self._node.destroy_timer(self._timer)
         self._node.destroy_subscription(self._subscription)
 
     def _follow(self) -> None:
-        offered = [
-            info.qos_profile
-            for info in self._node.get_publishers_info_by_topic(self._subscription.topic_name)
-        ]
+        offered = self._offered()
         if not offered:
             return
         # A stricter policy than one publisher offers does not match it.
@@ -126,6 +137,11 @@ class FollowingSubscription:
             ),
             unless=self._forced,
         )
+
+    def _offered(self) -> list[QoSProfile]:
+        """Return the QoS of each publisher on the topic."""
+        topic = self._subscription.topic_name
+        return [info.qos_profile for info in self._node.get_publishers_info_by_topic(topic)]
 
     def _replace(self, unless: frozenset[str] | set[str] = frozenset(), **policies: Any) -> None:
         """Subscribe again with other policies, if they differ from the present ones."""

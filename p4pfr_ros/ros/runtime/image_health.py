@@ -46,10 +46,20 @@ class ImageHealth:
         self._detected.append(detected)
 
     def status(
-        self, now_s: float, *, qos: str, publishers: int, rejections: Mapping[str, int]
+        self,
+        now_s: float,
+        *,
+        qos: str,
+        publishers: int,
+        incompatible: int,
+        rejections: Mapping[str, int],
     ) -> DiagnosticStatus:
-        """Return the status, without the name; qos: the reliability of the subscription."""
-        level, message = self._verdict(now_s, qos, publishers)
+        """
+        Return the status, without the name.
+
+        qos is the reliability of the subscription; incompatible publishers do not offer its QoS.
+        """
+        level, message = self._verdict(now_s, qos, publishers, incompatible)
         received, missed = self._rate.recent
         period_s = self._rate.period_s
         values = {
@@ -73,11 +83,15 @@ class ImageHealth:
     def _mean_ms(self) -> float:
         return 1e3 * sum(self._durations_s) / len(self._durations_s)
 
-    def _verdict(self, now_s: float, qos: str, publishers: int) -> tuple[bytes, str]:
+    def _verdict(
+        self, now_s: float, qos: str, publishers: int, incompatible: int
+    ) -> tuple[bytes, str]:
         silent_s = now_s - self._received_s
         if silent_s > _STALE_AFTER_S or not self._has_received:
             since = f' for {silent_s:.0f} s' if self._has_received else ''
-            return DiagnosticStatus.WARN, f'no image received{since}, {publishers} publishers'
+            kept_away = f', {incompatible} of them with an incompatible QoS' * bool(incompatible)
+            text = f'no image received{since}, {publishers} publishers{kept_away}'
+            return DiagnosticStatus.WARN, text
         received, missed = self._rate.recent
         period_s = self._rate.period_s
         if period_s is None or missed <= _MISSED_SHARE * (received + missed):

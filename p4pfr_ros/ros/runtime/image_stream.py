@@ -118,6 +118,7 @@ class ImageStream:
             time.monotonic(),
             qos=self._subscription.qos.reliability.name.lower().replace('_', ' '),
             publishers=self._subscription.publisher_count,
+            incompatible=self._subscription.incompatible_count,
             rejections=self._rejections.counts,
         )
         pending = self._kernels.pending

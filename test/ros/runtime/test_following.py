@@ -86,12 +86,14 @@ def test_a_latched_message_is_received_by_a_late_subscription(peer):
 
 
 def test_a_forced_reliability_stays(peer):
-    """Until the process ends, whatever is published."""
+    """Until the process ends, whatever is published; publishers that it keeps away are counted."""
     follower = Follower(peer, reliability='reliable')
     follower.publisher(BEST_EFFORT)
-    peer.until(lambda: follower.subscription.publisher_count == 1)
+    follower.publisher(RELIABLE)
+    peer.until(lambda: follower.subscription.publisher_count == 2)
     peer.spin_for(0.6)
     assert follower.reliability is ReliabilityPolicy.RELIABLE
+    assert follower.subscription.incompatible_count == 1
     follower.sender.destroy_node()
 
 
