@@ -25,11 +25,12 @@ if not (3, 10) <= sys.version_info[:2] <= (3, 13):
 endef
 export CHECK_PYTHON
 
-.PHONY: help venv links demo test lint docs ament colcon opencv46 clean
+.PHONY: help venv links demo test exhaustive lint docs ament colcon opencv46 clean
 help:
 	@echo 'make venv      create the environment $(VENV): this package (editable), ROS 2 wheels, tools'
 	@echo 'make demo      run a simulated camera, detector and pose node over DDS; writes demo.png'
 	@echo 'make test      run unit, property and DDS tests'
+	@echo 'make exhaustive  run the tests that take longer: many cameras, extreme numbers, no JIT'
 	@echo 'make lint      check style and types'
 	@echo 'make docs      build the documentation, build/docs/index.html, and run the notebook'
 	@echo 'make ament     check package.xml against its schema (needs a sourced ROS, or apt)'
@@ -67,15 +68,18 @@ INTERPRETED := test/core/minimal test/core/model test/core/cameras test/core/tes
 	test/core/one_view/test_known_camera.py test/core/one_view/test_estimate_pose.py \
 	test/core/many_views/test_bundle_adjustment.py
 
-# The kernels are compiled once instead of by each worker, while the tests without JIT run.
 # DDS tests run last and alone, because their processes need the cores. They mostly wait, so three
 # modules run at a time, each in its own DDS domain.
 test: venv
-	$(BIN)/p4pfr compile & compiler=$$!; \
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -n 1 $(INTERPRETED); status=$$?; \
-	wait $$compiler && exit $$status
-	$(BIN)/python -m pytest -m 'not dds' -n auto --dist loadscope
-	$(BIN)/python -m pytest -m dds -n 3 --dist loadscope
+	$(BIN)/p4pfr compile
+	$(BIN)/python -m pytest -m 'not dds and not exhaustive' -n auto --dist loadscope
+	$(BIN)/python -m pytest -m 'dds and not exhaustive' -n 3 --dist loadscope
+
+# Kernels are compiled once instead of by each worker.
+exhaustive: venv
+	$(BIN)/p4pfr compile
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m 'not exhaustive' -n auto $(INTERPRETED)
+	$(BIN)/python -m pytest -m exhaustive -n auto --dist loadscope
 
 lint: venv
 	$(BIN)/ruff check .

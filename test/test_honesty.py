@@ -54,18 +54,21 @@ def assert_hold(scores, fewest=FEWEST_PUBLISHED):
         assert not any(score.far for score in published), kind
 
 
+@pytest.mark.exhaustive
 @compiled
 def test_stated_errors_hold_for_one_view_of_a_marker():
     kinds = some(MARKER_KINDS, MARKER_HOLDS)
     assert_hold(free_scores(kinds, MARKER, VIEWS, OPTIONS['default']), FEWEST_MARKERS)
 
 
+@pytest.mark.exhaustive
 @compiled
 def test_stated_errors_hold_for_one_view_of_a_board():
     kinds = some(BOARD_KINDS, BOARD_HOLDS)
     assert_hold(free_scores(kinds, BOARD, VIEWS, OPTIONS['default']))
 
 
+@pytest.mark.exhaustive
 @compiled
 def test_stated_errors_hold_for_a_calibrated_camera():
     kinds = some(CALIBRATED_KINDS, CALIBRATED_HOLDS)

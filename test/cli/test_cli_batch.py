@@ -129,6 +129,7 @@ def cluster():
             end(process)
 
 
+@pytest.mark.exhaustive
 def test_a_worker_that_is_killed_loses_nothing(recordings, tmp_path, cluster):
     """The other worker does what it was doing."""
     output = tmp_path / 'out'
@@ -151,6 +152,7 @@ def test_a_worker_that_is_killed_loses_nothing(recordings, tmp_path, cluster):
     assert a.model == b.model
 
 
+@pytest.mark.exhaustive
 def test_an_interrupted_batch_ends_quietly_and_goes_on_later(recordings, tmp_path):
     output = tmp_path / 'out'
     given = [recordings / name for name in 'abc']

@@ -24,6 +24,8 @@ from p4pfr_ros.core.jit import COMPILED
 from p4pfr_ros.scenes.instances import IMAGE_SIZE
 import pytest
 
+pytestmark = pytest.mark.exhaustive
+
 CORNERS = [0, 5, 29, 24]
 CENTER = (319.5, 239.5)
 COVARIANCE = np.diag([1.0, 1.0, 1.0, 1e-4, 0.0, 0.0])

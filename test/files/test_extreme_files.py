@@ -22,6 +22,8 @@ from p4pfr_ros.report.number_format import shape_text
 import pytest
 import yaml
 
+pytestmark = pytest.mark.exhaustive
+
 COVARIANCE = np.diag([1.0, 1.0, 1.0, 1e-4, 1e-6, 1e-8, 1e-8, 1e-6, 1e-6, 1e-6])
 CAMERA = DivisionCamera(520.0, (319.5, 239.5), -0.2, 0.01, 0.001, 1e-4, 1.001, 1e-3, 1e-3)
 SHAPE = BoardShape(

@@ -84,6 +84,7 @@ def test_kernels_of_other_sources_are_not_used(site, monkeypatch):
     assert run(site, monkeypatch) == ['0', 'False']
 
 
+@pytest.mark.exhaustive
 def test_the_users_cache_is_complete(site, monkeypatch):
     """Though an older installation had some of the kernels: it may be removed."""
     installed = processes.compile_all(lambda _: None, site / 'p4pfr_ros/_kernels')

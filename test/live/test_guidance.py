@@ -85,6 +85,7 @@ def test_a_target_stays_while_nothing_changes():
     assert first.camera_from_board == again.camera_from_board
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     'camera',
     [

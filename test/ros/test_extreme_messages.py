@@ -16,6 +16,8 @@ import pytest
 from rclpy.parameter import Parameter
 import scenes
 
+pytestmark = pytest.mark.exhaustive
+
 PIXELS, CORNERS = scenes.project(scenes.GRID), scenes.project(scenes.ARUCO)
 MODELS = {'plumb_bob': 5, 'rational_polynomial': 8, 'equidistant': 4, 'division': 1}
 K = [520.0, 0.0, 319.5, 0.0, 521.0, 239.5, 0.0, 0.0, 1.0]

@@ -73,6 +73,7 @@ def test_a_camera_that_zooms_restarts_the_calibration_within_ten_views(zoom):
         assert calibration.fused.camera.focal_px == pytest.approx(zoomed.focal_px, rel=0.01)
 
 
+@pytest.mark.exhaustive
 def test_a_small_change_of_focus_is_detected_from_several_views_together():
     detected = []
     for seed in range(8):
@@ -85,6 +86,7 @@ def test_a_small_change_of_focus_is_detected_from_several_views_together():
     assert np.mean(detected) > 0.8
 
 
+@pytest.mark.exhaustive
 def test_a_camera_that_does_not_change_never_restarts_the_calibration():
     for seed in range(10):
         results = verdicts(SelfCalibration(IMAGE_SIZE), draw_views(seeded_camera(seed), 60, seed))
@@ -162,6 +164,7 @@ def test_reset_drops_the_camera_and_all_views():
     assert calibrate(views, calibration).fused.camera == first
 
 
+@pytest.mark.exhaustive
 def test_the_covariance_of_a_pose_from_an_outlier_view_matches_its_error():
     squares = []
     for seed in range(40):

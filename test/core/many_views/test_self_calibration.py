@@ -40,6 +40,7 @@ def thirty():
     return scenes
 
 
+@pytest.mark.exhaustive
 @compiled_only
 def test_errors_match_bundle_adjustment_started_at_the_truth(thirty):
     def error_sizes(errors, camera):
@@ -57,6 +58,7 @@ def test_errors_match_bundle_adjustment_started_at_the_truth(thirty):
     assert (np.median(ours, axis=0) < (1.35, 1.15, 1.15) * np.median(best, axis=0)).all()
 
 
+@pytest.mark.exhaustive
 @compiled_only
 def test_standard_deviations_match_the_errors(thirty):
     squares, inside = [], []
@@ -72,6 +74,7 @@ def test_standard_deviations_match_the_errors(thirty):
     assert (np.mean(inside, axis=0) > 0.89).all()
 
 
+@pytest.mark.exhaustive
 @compiled_only
 def test_terms_that_a_square_centred_lens_with_one_term_lacks_are_rarely_freed(thirty):
     cameras = [calibration.fused.camera for _, _, calibration in thirty]
@@ -79,6 +82,7 @@ def test_terms_that_a_square_centred_lens_with_one_term_lacks_are_rarely_freed(t
     assert sum(camera.aspect != 1.0 or camera.is_decentred for camera in cameras) <= 2
 
 
+@pytest.mark.exhaustive
 @compiled_only
 def test_the_state_advances_with_the_number_of_views(thirty):
     assert sum(c.state is CalibrationState.CALIBRATED for _, _, c in thirty) >= 95
@@ -89,6 +93,7 @@ def test_the_state_advances_with_the_number_of_views(thirty):
     assert few.fused.focal_sigma_px > thirty[0][2].fused.focal_sigma_px
 
 
+@pytest.mark.exhaustive
 @compiled_only
 @pytest.mark.parametrize('count', [1, 3, 10])
 def test_the_covariance_of_a_pose_includes_that_of_the_camera(count):

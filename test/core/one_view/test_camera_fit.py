@@ -67,6 +67,7 @@ def view(
             return image + rng.normal(0.0, noise_px, image.shape), pose
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize('known', [camera, lambda *factors: info(camera(*factors))])
 @pytest.mark.parametrize('wrong', WRONG)
 def test_a_wrong_calibration_is_refused_by_most_views_of_a_tilted_board(wrong, known, sample):
@@ -83,6 +84,7 @@ def test_a_wrong_calibration_is_refused_by_most_views_of_a_tilted_board(wrong, k
     assert misfits >= sample(0.75 * len(seeds), 0)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     'deviation',
     [

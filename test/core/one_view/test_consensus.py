@@ -99,6 +99,7 @@ def view_with_outliers(seed, kind, count):
     return drawn, scattered(rng, drawn.image_points, outlier, kind), outlier
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize('kind', ['image', 'outline'])
 @pytest.mark.parametrize('known', [False, True])
 @pytest.mark.parametrize('wrong', [32, 46])

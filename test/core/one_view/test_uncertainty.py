@@ -42,6 +42,7 @@ def assert_mean(squares, freedom, rel):
     assert squares.mean() == pytest.approx(freedom, abs=max(rel * freedom, five_sigma))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize('n', [24, 100])
 @pytest.mark.parametrize('sigma_px', [None, 0.5], ids=['measured', 'given'])
 def test_normalised_errors_and_intervals_match_the_covariance(n, sigma_px, sample):

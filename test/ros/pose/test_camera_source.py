@@ -39,6 +39,7 @@ def _errors_m(modes, settings, views):
     return [view.error_m(pose) for view, pose in zip(views, poses, strict=True)]
 
 
+@pytest.mark.exhaustive
 def test_poses_of_a_calibrated_camera_are_nearly_as_accurate_as_with_the_true_camera():
     """At most 20 % more error on the same views; a single view has three times the error."""
     modes, views = Modes(), moving.views(2000, 2100)
