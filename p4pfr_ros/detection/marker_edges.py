@@ -125,16 +125,8 @@ def refine_markers(
     scratch = _Scratch(
         np.empty((4, 2)), np.empty((4, pixels)), np.empty((4, 7)), np.empty((4, 7)), room(pixels)
     )
-    _refine(
-        grey,
-        start,
-        np.ascontiguousarray(cells),
-        _margins(cells[0]),
-        _unit_samples(),
-        scratch,
-        refined,
-        status,
-    )
+    black, margins = np.ascontiguousarray(cells), _margins(cells[0])
+    _refine(grey, start, black, margins, _unit_samples(), scratch, refined, status)
     return refined, status
 
 
