@@ -157,7 +157,8 @@ def _predicted_points(board: Board, near: Detection) -> Array:
     homography, _ = cv2.findHomography(near.board_points, near.image_points)
     if homography is None:
         return np.empty((0, 2))
-    return cv2.perspectiveTransform(board.points[:, None], homography)[:, 0]
+    points: Array = cv2.perspectiveTransform(board.points[:, None], homography)[:, 0]
+    return points
 
 
 def _moved(detection: Detection, offset_px: Ints) -> Detection:

@@ -131,7 +131,7 @@ def refine_markers(
 
 
 def _margins(cells: NDArray[np.bool_]) -> Array:
-    """Return by how many cells the outline of a marker (n, n) may be too wide; first the likely."""
+    """Return, most likely first, by how many cells a marker's outline may be too wide."""
     within = cells[1:-1, 1:-1]
     is_border_wide = within[[0, -1]].all() and within[:, [0, -1]].all()
     first, *others = _MARGINS_IN_CELLS
