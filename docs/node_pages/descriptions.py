@@ -115,7 +115,7 @@ DETECTOR_NODE = {
     ),
     '~/image_annotated': (
         'The image with circles around the detected points, or with the reason why there are '
-        'none; rejected candidates are outlined thinly, with their reasons.'
+        'none; rejected candidates are outlined, some with their reasons.'
     ),
 }
 

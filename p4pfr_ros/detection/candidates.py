@@ -14,12 +14,11 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from p4pfr_ros.boards import Charuco, MarkerBoard
 from p4pfr_ros.core.geometry import Array, Ints, Mask
-from p4pfr_ros.detection.aruco import detect_markers, dictionary_size
+from p4pfr_ros.detection.aruco import detect_markers
 from p4pfr_ros.detection.cells import (
     dark_sides,
     expected_cells,
@@ -38,10 +37,6 @@ NO_CODE = 'no code'
 # Cells of the border and of the code that may be misread, as shares of their number.
 # Where a certain marker is expected, more may be: chance spells one code less often than any.
 _MISREAD_IN_BORDER, _MISREAD_WHERE_EXPECTED = 0.1, 0.12
-# Markers of other boards are searched in an image of this size, without any of the board, and not
-# in clutter: OpenCV compares each quadrilateral with all codes of a dictionary.
-_MAX_COMPARISONS = 8_000
-_SIDE_FOR_OTHERS_PX, _SMALLEST_OTHER_PX = 320.0, 20.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,8 +108,6 @@ def find_board_markers(
         min_marker_px=min_marker_px,
     )
     index_of = {marker_id: index for index, marker_id in enumerate(board.marker_ids)}
-    is_cheap = len(quads) * dictionary_size(board.dictionary) <= _MAX_COMPARISONS
-    others = _markers_of_others(grey, board) if is_cheap and not len(ids) and len(quads) else []
     if isinstance(board, Charuco) or board.inverted is not False:
         borders = isinstance(board, Charuco)
         inverted, reasons = _inspected(grey, board, corners, ids, borders=borders)
@@ -136,28 +129,8 @@ def find_board_markers(
         inverted[order],
         tuple(twice),
         summary(twice, wrong),
-        (*wrong, *others, *empty),
+        (*wrong, *empty),
     )
-
-
-def _markers_of_others(
-    grey: NDArray[np.uint8], board: Charuco | MarkerBoard
-) -> list[RejectedCandidate]:
-    """Return the large markers that are not on the board: another board, or a wrong id."""
-    scale = max(grey.shape) / _SIDE_FOR_OTHERS_PX
-    if scale > 1.0:
-        size = round(grey.shape[1] / scale), round(grey.shape[0] / scale)
-        grey = np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    else:
-        scale = 1.0
-    corners, ids, _ = detect_markers(
-        grey, board.dictionary, board.border_bits, min_marker_px=_SMALLEST_OTHER_PX
-    )
-    return [
-        RejectedCandidate(scale * (outline + 0.5) - 0.5, f'marker {marker_id}: not on the board')
-        for outline, marker_id in zip(corners, ids.tolist(), strict=True)
-        if marker_id not in board.marker_ids
-    ]
 
 
 def rechecked(

@@ -84,23 +84,28 @@ def find_chessboard(
             break
     if len(best[0]):
         return *best, '', ()
-    reason = f'no {name} found{_hint(seen, board)}'
-    return *best, reason, _rejected(tried, 'its corners do not fit')
+    hint, others = _hint(seen, board)
+    return *best, f'no {name} found{hint}', (*others, *_rejected(tried, 'its corners do not fit'))
 
 
-def _hint(lattices_seen: list[Array], board: Chessboard) -> str:
-    """Return what the largest lattice (n, m, 2) of corners shows instead of the board, if any."""
+def _hint(
+    lattices_seen: list[Array], board: Chessboard
+) -> tuple[str, tuple[RejectedCandidate, ...]]:
+    """Return what the largest lattice (n, m, 2) px shows instead of the board, and its outline."""
     grids = [_without_ragged_sides(lattice) for lattice in lattices_seen]
     grid = max(grids, key=lambda each: each.size, default=np.empty((0, 0, 2)))
     least, (n, m) = min(board.columns, board.rows) - 1, grid.shape[:2]
     is_board = min(n, m) >= max(least, _LEAST_SIDE) and is_smooth(grid)
     sides, expected = sorted((n, m)), sorted((board.columns, board.rows))
     if not is_board or sides == expected:
-        return ''
+        return '', ()
     columns, rows = sides if board.columns < board.rows else sides[::-1]
     counted = [side + 1 for side in sides] == expected
     note = ' (columns and rows count inner corners, not squares)' if counted else ''
-    return f': {columns}x{rows} inner corners are visible{note}'
+    outline = np.concatenate([np.rot90(grid, turns)[0, :-1] for turns in range(4)])
+    outline = outline[np.isfinite(outline[:, 0])]
+    size = f'{columns}x{rows} inner corners'
+    return f': {size} are visible{note}', (RejectedCandidate(outline, size),)
 
 
 def _without_ragged_sides(grid: Array) -> Array:
@@ -151,9 +156,10 @@ def _search(
             at_most = min(factor * (_SADDLES_PER_CORNER * corners + _MORE_SADDLES), _MOST_SADDLES)
             saddles = find_saddles(image, at_most)
             found = [_lattice(saddles, *each) for each in lattices(saddles, at_least)]
+            found = [scale * lattice + 0.5 * (scale - 1.0) for lattice in found]
             seen += found[:1]
             grids = [_board_in_lattice(lattice, columns, rows) for lattice in found]
-            yield [scale * grid + 0.5 * (scale - 1.0) for grid in grids if grid is not None]
+            yield [grid for grid in grids if grid is not None]
             if len(saddles) < at_most:
                 break
 

@@ -29,7 +29,7 @@ from p4pfr_ros.detection.marker_edges import FOUND, NO_EDGES, OTHER_CODE, refine
 # Why a marker is not found at its fitted edges.
 _FAILURES = {
     NO_EDGES: 'not dark inside and bright outside along its edges (narrow margin, or covered)',
-    OTHER_CODE: 'its code is not at its fitted edges',
+    OTHER_CODE: 'its cells do not fit its outline (wrong border_bits, covered, or blurred)',
 }
 # Number of markers whose corners predict the place of another one: several are more precise, the
 # nearest alone is less affected by a wide lens.

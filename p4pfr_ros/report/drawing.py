@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from itertools import pairwise
 import math
 
@@ -20,6 +19,7 @@ from p4pfr_ros.core.minimal.solution import Solution
 from p4pfr_ros.detection import Detection
 from p4pfr_ros.detection.candidates import NO_CODE, RejectedCandidate
 from p4pfr_ros.files.images import ImageArray
+from p4pfr_ros.report.lettering import Box, INK, write_at, write_at_top, write_label
 
 __all__ = [
     'annotate',
@@ -36,15 +36,17 @@ AnyCamera = DivisionCamera | CameraInfoModel
 # Blue, green, red.
 _CORNER, _OUTLINE = (0, 215, 255), (255, 160, 0)
 _AXES = ((60, 60, 255), (60, 200, 60), (255, 90, 60))  # x red, y green, z blue
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
-_INK = (255, 255, 255)
-_REJECTED = (200, 80, 255)
+# Of candidates with a reason, of its letters, and of candidates that are no marker.
+_REJECTED, _LETTERS, _NO_MARKER = (200, 80, 255), (240, 190, 255), (180, 120, 190)
 # Of captions: the grey level of their bar, and the height of a line.
 _BAR, _CAPTION_PX = 32, 22.0
 # Of the candidates without a code, which are many, these largest ones are drawn.
 _MAX_WITHOUT_CODE = 40
-# The same reason is written so many times.
-_MAX_WRITTEN = 3
+# Smaller ones are outlined thinly, pixels.
+_MIN_WIDE_PX = 28.0
+# The same reason is written so many times, whatever the marker; without an id, once.
+# Space for it is looked for at so many candidates.
+_MAX_WRITTEN, _MAX_TRIED = 3, 30
 # A candidate with all corners this close to detected points is detected, pixels.
 _SAME_PX = 6.0
 # Fractional bits of the coordinates that cv2 draws at: 1/16 px.
@@ -70,7 +72,8 @@ def annotate(
         (h, w) or (h, w, 3) uint8.
     detection
         Its points are circled; if it has none, its reason is written. Rejected candidates are
-        outlined thinly, with their reasons; those that are merely no marker only without points.
+        outlined, some of each kind with their reasons; those that are merely no marker only
+        without points, and thinly.
     solution
         If given together with ``board``, the board's outline and axes (x red, y green, z blue)
         are projected with it, lens distortion included.
@@ -84,13 +87,14 @@ def annotate(
     """
     canvas = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
     scale = max(1.0, canvas.shape[0] / _REFERENCE_HEIGHT_PX)
-    _draw_candidates(canvas, _shown_candidates(detection), scale)
+    candidates = _shown_candidates(detection)
+    _outline(canvas, candidates, scale)
     if solution is not None and board is not None:
         _draw_board(canvas, solution, board, scale)
     for point in detection.image_points:
         _circle(canvas, point, 3.5 * scale, scale)
-    if detection.reason:
-        _write(canvas, detection.reason, scale)
+    bars = [write_at_top(canvas, detection.reason, scale)] if detection.reason else []
+    _label(canvas, candidates, scale, bars)
     return np.asarray(canvas)
 
 
@@ -143,7 +147,7 @@ def captioned(image: ImageArray, *lines: str) -> ImageArray:
     bar = np.full((line_px * len(lines) + line_px // 3, image.shape[1], 3), _BAR, dtype=np.uint8)
     for i, line in enumerate(lines):
         at = (0.4 * line_px, line_px * (i + 0.8))
-        _write_at(bar, line, at, _INK, 0.5 * scale)
+        write_at(bar, line, at, INK, 0.5 * scale)
     return np.concatenate([image, bar])
 
 
@@ -211,23 +215,42 @@ def _distance_px(points: Array, others: Array) -> Array:
     return nearest
 
 
-def _draw_candidates(
-    canvas: ImageArray, candidates: list[RejectedCandidate], scale: float
-) -> None:
-    """Outline the candidates; write their reasons above them, where there is space."""
-    is_written, times = np.zeros(canvas.shape[:2], dtype=bool), Counter[str]()
-    for candidate in candidates:
+def _outline(canvas: ImageArray, candidates: list[RejectedCandidate], scale: float) -> None:
+    """Outline the candidates, those with a reason above the others."""
+    for candidate in reversed(candidates):
+        is_named = candidate.reason != NO_CODE
+        is_large = np.ptp(candidate.outline, axis=0).max() > _MIN_WIDE_PX * scale
         points = np.rint(candidate.outline * 2**_SHIFT).astype(np.int32)
-        cv2.polylines(canvas, [points], True, _REJECTED, 1, cv2.LINE_AA, _SHIFT)
-        x, y = candidate.outline.min(axis=0)
-        size = 0.35 * scale
-        left, bottom, width, height = _text_box(canvas, candidate.reason, (x, y - 3 * scale), size)
-        box = np.s_[max(0, bottom - height) : bottom + 1, left : left + width]
-        times[candidate.reason] += 1
-        is_new = candidate.reason != NO_CODE and times[candidate.reason] <= _MAX_WRITTEN
-        if is_new and not is_written[box].any():
-            is_written[box] = True
-            _write_at(canvas, candidate.reason, (left, bottom), _REJECTED, size)
+        colour = _REJECTED if is_named else _NO_MARKER
+        thickness = max(1, round(1.5 * scale)) if is_named and is_large else 1
+        cv2.polylines(canvas, [points], True, colour, thickness, cv2.LINE_AA, _SHIFT)
+
+
+def _label(
+    canvas: ImageArray, candidates: list[RejectedCandidate], scale: float, bars: list[Box]
+) -> None:
+    """Write reasons at some candidates of each kind, beside bars with text."""
+    kinds: dict[str, list[RejectedCandidate]] = {}
+    for candidate in candidates:
+        _, _, after_id = candidate.reason.partition(': ')
+        if candidate.reason != NO_CODE:
+            kinds.setdefault(after_id or candidate.reason, []).append(candidate)
+    for kind, alike in kinds.items():
+        written, at_most = 0, _MAX_WRITTEN if kind != alike[0].reason else 1
+        # Above the first ones where there is space. Below the candidate, or in it, a label seems
+        # to belong to another one.
+        for place in range(3):
+            for candidate in alike[:_MAX_TRIED] if not written else ():
+                at = _label_at(candidate.outline, place, scale)
+                if written < at_most:
+                    written += write_label(canvas, candidate.reason, at, _LETTERS, scale, bars)
+
+
+def _label_at(outline: Array, place: int, scale: float) -> tuple[float, float]:
+    """Return the middle of the lower edge of a label above, below or in an outline."""
+    (x0, y0), (x1, y1) = outline.min(axis=0).tolist(), outline.max(axis=0).tolist()
+    gap_px, line_px = 3.0 * scale, _CAPTION_PX * scale
+    return 0.5 * (x0 + x1), (y0 - gap_px, y1 + gap_px + line_px, 0.5 * (y0 + y1 + line_px))[place]
 
 
 def board_lines(
@@ -289,33 +312,3 @@ def _circle(canvas: ImageArray, point: Array, radius_px: float, thickness_px: fl
     x, y, radius = (round(float(v) * 2**_SHIFT) for v in (*point, radius_px))
     thickness = max(1, round(thickness_px))
     cv2.circle(canvas, (x, y), radius, _CORNER, thickness, cv2.LINE_AA, _SHIFT)
-
-
-def _write(canvas: ImageArray, text: str, scale: float) -> None:
-    """Write a line of text at the top left, on a dark bar."""
-    height = round(30 * scale)
-    canvas[:height] = canvas[:height] // 4
-    _write_at(canvas, text, (8.0 * scale, 20.0 * scale), _INK, 0.5 * scale)
-
-
-def _write_at(
-    canvas: ImageArray,
-    text: str,
-    at: tuple[float, float],
-    colour: tuple[int, int, int],
-    size: float,
-) -> None:
-    """Write a line of text, whose baseline begins at ``at`` or where it ends within the image."""
-    left, bottom, _, _ = _text_box(canvas, text, at, size)
-    thickness = max(1, round(2.0 * size))
-    cv2.putText(canvas, text, (left, bottom), _FONT, size, colour, thickness, cv2.LINE_AA)
-
-
-def _text_box(
-    canvas: ImageArray, text: str, at: tuple[float, float], size: float
-) -> tuple[int, int, int, int]:
-    """Return left, bottom, width and height of a line of text that ``_write_at`` writes."""
-    (width, height), _ = cv2.getTextSize(text, _FONT, size, max(1, round(2.0 * size)))
-    left = max(0, min(round(at[0]), canvas.shape[1] - width))
-    bottom = min(max(round(at[1]), height), canvas.shape[0] - 1)
-    return left, bottom, width, height

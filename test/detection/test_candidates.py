@@ -92,8 +92,7 @@ def test_inverted_decides_which_colours_are_accepted(board, printed):
             assert len(detection.ids) == 0
             colours = 'white on black' if printed else 'black on white'
             reason = f'{colours}, but inverted is {str(inverted).lower()}'
-            # OpenCV does not report a single marker within the outline of a dark sheet.
-            assert reason in detection.reason or (board is MARKER and printed)
+            assert reason in detection.reason
 
 
 @pytest.mark.parametrize(
@@ -178,3 +177,69 @@ def test_charuco_corners_of_small_squares_are_right_or_absent(n):
     truth = project(camera, pose, CHARUCO_4X4.points[detection.ids])
     assert len(detection.ids) >= 8
     assert np.linalg.norm(detection.image_points - truth, axis=1).max() < 0.3
+
+
+def others_outlines(detection):
+    """Return the outlines (4, 2) by the ids of markers that are not on the board."""
+    matches = [
+        (re.fullmatch(r'marker (\d+): not on the board', each.reason), each.outline)
+        for each in detection.rejected
+    ]
+    return {int(match[1]): outline for match, outline in matches if match}
+
+
+@pytest.mark.parametrize('dictionary', ['DICT_6X6_1000', 'DICT_APRILTAG_36h11'])
+@pytest.mark.parametrize('scale', [1.0, 2.25])
+def test_all_markers_of_another_board_are_named_at_any_resolution(scale, dictionary):
+    """With a large dictionary, too, and where small cells of the codes are candidates as well."""
+    board = dataclasses.replace(GRID, dictionary=dictionary)
+    size = round(640 * scale), round(480 * scale)
+    camera = DivisionCamera(500.0 * scale, ((size[0] - 1) / 2, (size[1] - 1) / 2), -0.2)
+    pose = seen_from(0.5, (0.25, 0.2), 0.15)
+    image = render(board, camera, pose, size, **REAL_LENS)
+    outlines = others_outlines(detect(image, dataclasses.replace(board, first_id=40)))
+    assert sorted(outlines) == list(range(12))
+    for marker_id, outline in outlines.items():
+        truth = project(camera, pose, board.marker_corners[marker_id])
+        assert np.linalg.norm(outline - truth, axis=1).max() < 3.0
+
+
+@pytest.mark.parametrize('size_m', [0.12, 0.04])
+@pytest.mark.parametrize(
+    ('printed', 'expected', 'reason'),
+    [
+        ({'inverted': True}, {}, 'marker 7: white on black, but inverted is false'),
+        ({}, {'border_bits': 2}, 'marker 7: a black border of 1 cell, but border_bits is 2'),
+        ({'id': 8}, {}, 'marker 8: not on the board'),
+    ],
+    ids=['inverted', 'border', 'id'],
+)
+def test_a_marker_on_a_visible_sheet_is_explained(printed, expected, reason, size_m):
+    """OpenCV reports only the outline of the sheet, which is near that of the marker."""
+    board = dataclasses.replace(MARKER, size_m=size_m)
+    pose = seen_from(0.5, (0.25, 0.2), 0.15)
+    image = render(dataclasses.replace(board, **printed), CAMERA, pose, SIZE, **REAL_LENS)
+    detection = detect(image, dataclasses.replace(board, **expected))
+    assert len(detection.ids) == 0
+    assert detection.reason == reason or 'id' in printed
+    [outline] = [each.outline for each in detection.rejected if each.reason == reason]
+    distance_px = np.linalg.norm(outline[:, None] - project(CAMERA, pose, board.points), axis=2)
+    assert distance_px.min(axis=1).max() < 4.0
+
+
+@pytest.mark.parametrize('distance_m', [0.3, 0.9])
+def test_the_reason_names_the_width_of_a_wide_border(distance_m):
+    """Widths of 2 and 3 cells place the centres of a small code within the same cells."""
+    board = dataclasses.replace(MARKER, dictionary='DICT_4X4_50', border_bits=3)
+    image = render(board, CAMERA, seen_from(distance_m, (0.3, 0.1), 0.2), SIZE, **REAL_LENS)
+    reason = 'marker 7: a black border of 3 cells, but border_bits is 1'
+    assert detect(image, with_border(board, 1)).reason == reason
+
+
+def test_an_image_without_markers_gives_no_reason():
+    """The squares of a chessboard are candidates, and its sheet."""
+    board = BOARDS['chessboard']
+    image = render(board, CAMERA, seen_from(0.42, (0.4, -0.3), 0.3), SIZE, **REAL_LENS)
+    detection = detect(image, CHARUCO)
+    assert detection.reason == 'no corner of a 7x5 ChArUco board found'
+    assert {each.reason for each in detection.rejected} == {'no code'}

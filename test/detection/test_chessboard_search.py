@@ -112,6 +112,25 @@ def test_the_size_that_is_visible_instead_is_named(columns, rows, hint):
     assert detect(image, given).reason == f'no {columns}x{rows} chessboard found{hint}'
 
 
+@pytest.mark.parametrize('scale', [1, 3])
+def test_the_lattice_that_is_visible_instead_is_outlined(scale):
+    """Along its outer corners, also where it was found in an image of half the size."""
+    size, middle = (640 * scale, 480 * scale), (320.0 * scale - 0.5, 240.0 * scale - 0.5)
+    camera = DivisionCamera(500.0 * scale, middle, -0.3)
+    pose = seen_from(0.45, (0.2, 0.1), 0.1)
+    image = render(BOARD, camera, pose, size, **REAL_LENS)
+    detection = detect(image, Chessboard(columns=10, rows=7, square_m=0.025))
+    [outline] = [each.outline for each in detection.rejected if 'inner corners' in each.reason]
+    grid = project(camera, pose, BOARD.points).reshape(6, 9, 2)
+    outer = np.concatenate([np.rot90(grid, turns)[0, :-1] for turns in range(4)])
+    distance_px = np.linalg.norm(outline[:, None] - outer, axis=2)
+    assert len(outline) == len(outer) == 26
+    assert distance_px.min(axis=0).max() < 2.0 * scale
+    # Its points follow each other around the board.
+    order = distance_px.argmin(axis=1)
+    assert set(np.diff(order) % 26) in ({1}, {25})
+
+
 def test_clutter_is_no_board_of_another_size():
     noise = np.random.default_rng(1).integers(0, 256, (480, 640), dtype=np.uint8)
     assert detect(noise, BOARD).reason == 'no 9x6 chessboard found'

@@ -11,7 +11,8 @@ import numpy as np
 from p4pfr_ros.boards import Marker
 from p4pfr_ros.core.cameras.division import DivisionCamera
 from p4pfr_ros.core.minimal.solution import Solution
-from p4pfr_ros.detection import detect
+from p4pfr_ros.detection import detect, Detection
+from p4pfr_ros.detection.candidates import RejectedCandidate
 from p4pfr_ros.rendering import render
 from p4pfr_ros.report.drawing import (
     annotate,
@@ -22,10 +23,15 @@ from p4pfr_ros.report.drawing import (
     straightened_camera,
     straightening_map,
 )
+from p4pfr_ros.report.lettering import wrapped
 import pytest
 
 BOARD, CAMERA, POSE = BOARDS['charuco'], CAMERAS['strong'], seen_from(0.4, (0.3, 0.2), 0.2)
 IMAGE = render(BOARD, CAMERA, POSE, SIZE)
+LONG = (
+    'no 10x7 chessboard found: 9x6 inner corners are visible '
+    '(columns and rows count inner corners, not squares)'
+)
 every_camera = pytest.mark.parametrize('camera', CAMERAS.values(), ids=list(CAMERAS))
 
 
@@ -72,6 +78,93 @@ def test_a_reason_is_written_and_the_input_is_unchanged():
     assert drawn[:30].max() > 200  # letters, on a bar that is darker than the image
     assert drawn[:30].min() < 30
     assert (drawn[40:] == 90).all()
+
+
+@pytest.mark.parametrize('width', [320, 640, 1280])
+def test_a_long_reason_is_wrapped(width):
+    """No letter is at the rim, where a text that is cut would be."""
+    blank = np.full((480, width, 3), 90, np.uint8)
+    detection = dataclasses.replace(detect(blank, BOARD), reason=LONG)
+    bar = bar_at_top(annotate(blank, detection))
+    assert bar[:, :4].max() < 30
+    assert bar[:, -4:].max() < 30
+    lines = count_lines(bar)
+    # Letters are wider in older OpenCV.
+    assert lines in {320: (3, 4), 640: (2,), 1280: (1,)}[width]
+
+
+def test_reasons_of_several_boards_begin_a_line_each_and_leave_most_of_the_image():
+    blank = np.full((480, 640, 3), 90, np.uint8)
+    short = 'no marker 7 of DICT_5X5_100 found'
+    detection = detect(blank, BOARD)
+    bar = bar_at_top(annotate(blank, dataclasses.replace(detection, reason=f'{short}; {short}')))
+    assert count_lines(bar) == 2
+    many = '; '.join([LONG] * 20)
+    bar = bar_at_top(annotate(blank, dataclasses.replace(detection, reason=many)))
+    assert count_lines(bar) >= 6
+    assert len(bar) <= 170
+    assert bar[:, -4:].max() < 30
+
+
+def bar_at_top(drawn):
+    """Return the rows at the top of an image of level 90 that are darkened."""
+    return drawn[: np.argmax(drawn[:, 0, 0] == 90)]
+
+
+def count_lines(bar):
+    """Return the number of lines of text in a bar."""
+    has_letters = (bar.max(axis=(1, 2)) > 120).astype(int)
+    # Dots and descenders are within 3 px of their line.
+    has_letters = cv2.dilate(has_letters.astype(np.uint8)[:, None], np.ones((3, 1)))[:, 0]
+    return int((np.diff(has_letters.astype(int), prepend=0) == 1).sum())
+
+
+@pytest.mark.parametrize('scale', [1, 2])
+@pytest.mark.parametrize(
+    ('reason', 'labels'),
+    [
+        ('marker {}: not on the board', 3),
+        ('marker {}: its cells do not fit its outline (wrong border_bits or blurred)', 3),
+        ('circle, but no grid', 1),
+        ('no code', 0),
+    ],
+)
+def test_the_same_reason_is_written_a_few_times_without_overlap(reason, labels, scale):
+    """Whatever the ids, in the image, on bars that are darker than it."""
+    blank = np.full((480 * scale, 640 * scale, 3), 200, np.uint8)
+    square = 40.0 * scale * np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    rejected = [
+        RejectedCandidate(square + scale * np.array([x, y]), reason.format(10 * x + y))
+        for y in (1, 60, 120, 300, 438)
+        for x in (1, 100, 300, 450, 598)
+    ]
+    none = np.empty((0, 2))
+    detection = Detection(none, none, np.empty(0, int), '', tuple(rejected))
+    drawn = annotate(blank, detection)
+    bars = np.uint8((drawn == 50).all(axis=2))
+    bars = cv2.morphologyEx(bars, cv2.MORPH_CLOSE, np.ones((9 * scale, 9 * scale)))
+    _, _, boxes, _ = cv2.connectedComponentsWithStats(bars)
+    boxes = boxes[1:][boxes[1:, cv2.CC_STAT_AREA] > 100]
+    assert len(boxes) == labels
+    for left, top, width, height, area in boxes:
+        assert area > 0.95 * width * height
+        # Whole letters: none is in the margin of its bar.
+        inside = drawn[top : top + height, left : left + width]
+        margin = inside[4 * scale : -4 * scale, [4 * scale, -4 * scale - 1]]
+        assert margin.max() < 100
+        assert inside.max() > 150
+
+
+def test_lines_are_as_wide_as_asked_and_complete():
+    word = 'DICT_APRILTAG_36h11_' * 8
+    for width_px in (60, 200, 500):
+        lines = wrapped(f'{LONG} {word}', 0.5, width_px)
+        assert ''.join(lines).replace(' ', '') == f'{LONG}{word}'.replace(' ', '')
+        widest = max(
+            cv2.getTextSize(each, cv2.FONT_HERSHEY_SIMPLEX, 0.5, 1)[0][0] for each in lines
+        )
+        assert widest <= width_px
+    assert wrapped('', 0.5, 100) == ['']
 
 
 def test_rejected_candidates_are_outlined_with_their_reason():
