@@ -34,6 +34,7 @@ _CLEAR, _MUCH_CLEARER = 0.02, 0.5
 _MIN_CONTRAST = 20.0  # grey levels
 # The reason of a quadrilateral that shows no code of the dictionary.
 NO_CODE = 'no code'
+NOT_ON_BOARD = 'not on the board'
 # Cells of the border and of the code that may be misread, as shares of their number.
 # Where a certain marker is expected, more may be: chance spells one code less often than any.
 _MISREAD_IN_BORDER, _MISREAD_WHERE_EXPECTED = 0.1, 0.12

@@ -25,7 +25,12 @@ from p4pfr_ros.boards import (
 )
 from p4pfr_ros.core.geometry import Array, Ints
 from p4pfr_ros.detection.aruco import check_markers, MIN_MARKER_PX
-from p4pfr_ros.detection.candidates import RejectedCandidate
+from p4pfr_ros.detection.candidates import (
+    BoardMarkers,
+    NOT_ON_BOARD,
+    RejectedCandidate,
+    summary,
+)
 from p4pfr_ros.detection.charuco import find_charuco
 from p4pfr_ros.detection.chessboard import find_chessboard
 from p4pfr_ros.detection.circle_grid import find_circle_grid, LensMiddle
@@ -186,14 +191,10 @@ def _detect_in(
         )
     elif isinstance(board, Charuco):
         ids, points, markers = find_charuco(grey, board, min_marker_px)
-        reason = markers.reason or (
-            f'no corner of a {board.columns}x{board.rows} ChArUco board found'
-        )
-        rejected = markers.rejected
+        reason, rejected = _why_absent(board, markers), markers.rejected
     else:
         ids, points, markers = find_markers(grey, board, min_marker_px)
-        reason = markers.reason or _no_marker_reason(board)
-        rejected = markers.rejected
+        reason, rejected = _why_absent(board, markers), markers.rejected
     if len(ids) >= _MIN_POINTS:
         return Detection(points, board.points[ids], ids, rejected=rejected)
     if len(ids):
@@ -216,7 +217,18 @@ def _rejected(reason: str, rejected: tuple[RejectedCandidate, ...] = ()) -> Dete
     return Detection(none, none, np.empty(0, dtype=np.int64), reason, rejected)
 
 
-def _no_marker_reason(board: MarkerBoard) -> str:
+def _why_absent(board: Charuco | MarkerBoard, markers: BoardMarkers) -> str:
+    """Return why there is no point, with the markers that are visible instead."""
+    if markers.reason:
+        return markers.reason
+    # An id in the board file may be wrong.
+    others = [each for each in markers.rejected if each.reason.endswith(NOT_ON_BOARD)]
+    return _nothing_found(board) + (f', but {summary([], others)}' if others else '')
+
+
+def _nothing_found(board: Charuco | MarkerBoard) -> str:
+    if isinstance(board, Charuco):
+        return f'no corner of a {board.columns}x{board.rows} ChArUco board found'
     if isinstance(board, Marker):
         return f'no marker {board.id} of {board.dictionary} found'
     if isinstance(board, Bundle):

@@ -27,6 +27,7 @@ from p4pfr_ros.detection.candidates import (
     BORDERS,
     cells_text,
     NO_CODE,
+    NOT_ON_BOARD,
     polarity_reason,
     RejectedCandidate,
     summary,
@@ -82,7 +83,7 @@ def explained(
                 if reason:
                     wrong_keys.setdefault(code.index, reason)
             elif candidates[code.index].reason == NO_CODE:
-                others.setdefault(code.index, f'marker {code.marker_id}: not on the board')
+                others.setdefault(code.index, f'marker {code.marker_id}: {NOT_ON_BOARD}')
     reasons = wrong_keys | {n: each for n, each in others.items() if n not in wrong_keys}
     first = [replace(candidates[n], reason=reason) for n, reason in reasons.items()]
     replaced = {id(candidates[n]) for n in reasons}

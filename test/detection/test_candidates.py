@@ -127,6 +127,7 @@ def test_ids_begin_with_the_first():
     other = detect(image, CHARUCO)
     assert len(other.ids) == 0
     assert {each.reason for each in other.rejected} >= {'marker 40: not on the board'}
+    assert re.search(r'found, but marker \d+: not on the board \(and \d+ more', other.reason)
 
 
 def test_rejected_candidates_are_where_they_were_seen():
