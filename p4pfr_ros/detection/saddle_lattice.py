@@ -178,7 +178,8 @@ def _link(saddles: Array, by_x: Ints, links: Ints, nearest2: Array) -> None:
     Write the nearest neighbour of each saddle along its four edges, or -1.
 
     Edge p of a saddle points along the first (0), second (1), first backwards (2), second
-    backwards (3). by_x (N,) are the indices in the order of x; nearest2 (N, 4) are the squared distances, px².
+    backwards (3). by_x (N,) are the indices in the order of x; nearest2 (N, 4) are the distances²,
+    px².
     """
     for i in range(len(saddles)):
         for p in range(4):
