@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from p4pfr_ros.boards import CircleGrid
-from p4pfr_ros.core.geometry import Array, Ints, Mask
+from p4pfr_ros.core.geometry import Array, Ints
 
 # The window of a circle reaches this far into the white gap to its nearest neighbour. The ink is
 # counted within it, and the level of the paper is taken from its outer part.
@@ -139,23 +139,29 @@ def measure_centres(
     return MeasuredGrid(np.flatnonzero(good), corrected[good], *levels, grid_map)
 
 
-def shows_circles(
+def share_of_circles(
     grey: NDArray[np.uint8], board: CircleGrid, points: Array, grid: MeasuredGrid
-) -> Mask:
-    """Return whether circles like those of a grid are at points (M, 2) m of its plane, too."""
+) -> float:
+    """
+    Return at which share of points (M, 2) m of a grid's plane there are circles like the grid's.
+
+    Of the points in the image, that is; 0 without any.
+    """
     expected = grid.grid_map.pixels(points)
-    last = np.array(grey.shape[::-1]) - 1
-    x, y = np.rint(np.clip(np.nan_to_num(expected), 0, last)).astype(np.int64).T
+    spacing_px = _spacing_px(board, points, grid.grid_map)
+    radius_px = (0.5 * board.diameter_m / board.nearest_m * spacing_px)[:, None]
+    is_inside = (expected > radius_px) & (expected < np.array(grey.shape[::-1]) - 1 - radius_px)
+    inside = np.flatnonzero(is_inside.all(axis=1))
+    x, y = np.rint(expected[inside]).astype(np.int64).T
     # Few places need to be looked at closely.
-    shows = grey[y, x] < grid.ink + _MAX_INK_DIFFERENCE * grid.contrast
-    if not shows.any():
-        return np.asarray(shows)
-    centres, contrast = _centroids(grey, board, points[shows], grid.grid_map)
-    off_px = np.linalg.norm(centres - expected[shows], axis=1)
-    spacing_px = _spacing_px(board, points[shows], grid.grid_map)
-    is_near = off_px < _MAX_MISFIT_IN_SPACINGS * spacing_px
-    shows[shows] = is_near & (contrast > _LIKE_CONTRAST * grid.contrast)
-    return np.asarray(shows)
+    dark = inside[grey[y, x] < grid.ink + _MAX_INK_DIFFERENCE * grid.contrast]
+    if not len(dark):
+        return 0.0
+    centres, contrast = _centroids(grey, board, points[dark], grid.grid_map)
+    off_px = np.linalg.norm(centres - expected[dark], axis=1)
+    is_circle = off_px < _MAX_MISFIT_IN_SPACINGS * spacing_px[dark]
+    is_circle &= contrast > _LIKE_CONTRAST * grid.contrast
+    return float(is_circle.sum() / len(inside))
 
 
 def _spacing_px(board: CircleGrid, points: Array, grid_map: _GridMap) -> Array:

@@ -24,7 +24,7 @@ from p4pfr_ros.detection.circle_centres import (
     LensMiddle,
     measure_centres,
     MeasuredGrid,
-    shows_circles,
+    share_of_circles,
 )
 from p4pfr_ros.detection.circle_lattice import circle_lattices
 from p4pfr_ros.detection.ellipse_blobs import Blobs, find_blobs
@@ -34,7 +34,7 @@ from p4pfr_ros.detection.ellipse_blobs import Blobs, find_blobs
 _MIN_FOUND_FRACTION = 0.75
 _MIN_FOUND_ON_SIDE = 0.5
 # A lattice begins with so many of the board's circles, in squares of four.
-_MIN_IN_SQUARES = 0.4
+_MIN_IN_SQUARES = 0.25
 # A second board of at least this fraction of the area makes it unclear which one is meant.
 _MIN_AREA_OF_SECOND = 0.5
 # What is named as visible instead has so many circles a side; of its circles and of those of the
@@ -63,7 +63,7 @@ def find_circle_grid(
     name = f'{board.columns}x{board.rows} circles'
     points = len(board.points)
     blobs = find_blobs(grey, grey.size / points)
-    at_least = int(np.ceil(_MIN_IN_SQUARES * points))
+    at_least = max(4, int(np.ceil(_MIN_IN_SQUARES * points)))
     lattices = circle_lattices(blobs, 2.0 * board.nearest_m / board.diameter_m, at_least)
     grids = [_board_in_lattice(lattice, board, blobs) for lattice in lattices]
     candidates = [each for each in grids if each is not None]
@@ -182,7 +182,7 @@ def _continues(grey: NDArray[np.uint8], board: CircleGrid, grid: MeasuredGrid) -
     for _, outside in _sides(board):
         steps = _steps(board, *outside) * (1.0, -1.0)
         points = board.points[0] + board.spacing_m * steps
-        if shows_circles(grey, board, points, grid).mean() >= _MIN_FOUND_ON_SIDE:
+        if share_of_circles(grey, board, points, grid) >= _MIN_FOUND_ON_SIDE:
             return True
     return False
 

@@ -16,7 +16,7 @@ This module stands alone: it is numerics, without boards, and has tests of its o
 from __future__ import annotations
 
 import numpy as np
-from p4pfr_ros.core.geometry import Array, Ints
+from p4pfr_ros.core.geometry import Array, Ints, Mask
 from p4pfr_ros.detection.ellipse_blobs import Blobs, CLEARLY_LARGER
 from p4pfr_ros.detection.square_lattice import joined
 
@@ -30,7 +30,7 @@ _MAX_ANGLE = np.radians(27.0)
 # An ellipse belongs to a cell if it is so near the expected place, in spacings.
 _NEAR_CELL = 0.3
 # Lattices grow by so many lines beyond those that their squares show.
-_ROUNDS = 3
+_ROUNDS = 4
 # Pairs of ellipses are compared in portions of about this number.
 _PORTION = 400_000
 
@@ -55,15 +55,17 @@ def circle_lattices(blobs: Blobs, spacing_in_radii: float, at_least: int) -> lis
 
     """
     links, length2 = _links(blobs, spacing_in_radii)
-    found = joined(links, length2, at_least)
     is_free = np.ones(len(blobs.middles), dtype=bool)
     lattices = []
-    for members, cells in found:
-        lattice = np.full(cells.max(axis=0) + 1, -1)
-        lattice[cells[:, 0], cells[:, 1]] = members
-        is_free[members] = False
-        lattices.append(lattice)
-    return [_grown(lattice, blobs, spacing_in_radii, is_free) for lattice in lattices]
+    for members, cells in joined(links, length2, at_least):
+        # A larger lattice may have grown over this one, from which covered circles parted it.
+        members, cells = members[is_free[members]], cells[is_free[members]]
+        if len(members) >= at_least:
+            lattice = np.full(cells.max(axis=0) + 1, -1)
+            lattice[cells[:, 0], cells[:, 1]] = members
+            is_free[members] = False
+            lattices.append(_grown(lattice, blobs, spacing_in_radii, is_free))
+    return sorted(lattices, key=lambda each: -int((each >= 0).sum()))
 
 
 def _links(blobs: Blobs, spacing_in_radii: float) -> tuple[Ints, Array]:
@@ -168,22 +170,25 @@ def _inverse_roots(moments: Array) -> Array:
     return roots
 
 
-def _grown(lattice: Ints, blobs: Blobs, spacing_in_radii: float, is_free: Array) -> Ints:
+def _grown(lattice: Ints, blobs: Blobs, spacing_in_radii: float, is_free: Mask) -> Ints:
     """
     Return a lattice (n, m) with ellipses that lie where its lines continue, or in its gaps.
 
-    So it gains circles that are in no square, such as some corners of an asymmetric grid.
+    So it gains circles that are in no square, such as some corners of an asymmetric grid, and
+    those that covered ones part from the others.
     """
     for _ in range(_ROUNDS):
-        lattice = np.pad(lattice, 1, constant_values=-1)
-        places = _expected_places(
-            np.where((lattice >= 0)[..., None], blobs.middles[lattice], np.nan)
-        )
+        lattice = np.pad(lattice, 2, constant_values=-1)
+        is_found = (lattice >= 0)[..., None]
+        # Also beyond a gap.
+        near = _with_expected(np.where(is_found, blobs.middles[lattice], np.nan))
+        places = np.where(is_found, np.nan, _with_expected(near))
         cells = np.argwhere(np.isfinite(places[..., 0]))
-        free = np.flatnonzero(is_free)
-        if not len(free) or not len(cells):
+        expected = places[tuple(cells.T)]
+        free = np.flatnonzero(is_free & _is_around(blobs.middles, expected))
+        if not len(free):
             break
-        offset = places[tuple(cells.T)][:, None] - blobs.middles[free]
+        offset = expected[:, None] - blobs.middles[free]
         nearest = np.sum(offset**2, axis=2).argmin(axis=1)
         offset = offset[np.arange(len(cells)), nearest]
         members = free[nearest]
@@ -202,18 +207,26 @@ def _grown(lattice: Ints, blobs: Blobs, spacing_in_radii: float, is_free: Array)
     return lattice[low[0] : high[0], low[1] : high[1]]
 
 
-def _expected_places(points: Array) -> Array:
-    """Return where the points of empty cells (n, m, 2), NaN, are expected; NaN if they are not."""
+def _is_around(points: Array, places: Array) -> Mask:
+    """Return which points (M, 2) px are among some places (K, 2), or near their outermost."""
+    if not len(places):
+        return np.zeros(len(points), dtype=bool)
+    low, high = places.min(axis=0), places.max(axis=0)
+    margin_px = 0.1 * (high - low).max() + 1.0
+    is_inside = (points > low - margin_px) & (points < high + margin_px)
+    return np.asarray(is_inside.all(axis=1))
+
+
+def _with_expected(points: Array) -> Array:
+    """Return points (n, m, 2) with those next to them where their lines continue; NaN: unknown."""
     padded = np.pad(points, ((2, 2), (2, 2), (0, 0)), constant_values=np.nan)
-    total, count = np.zeros_like(points), np.zeros(points.shape[:2])
+    total, count = np.zeros_like(points), np.zeros((*points.shape[:2], 1))
     for axis in (0, 1):
         before2, before, after, after2 = (
             np.roll(padded, shift, axis=axis)[2:-2, 2:-2] for shift in (2, 1, -1, -2)
         )
         for guess in (0.5 * (before + after), 2.0 * before - before2, 2.0 * after - after2):
-            is_known = np.isfinite(guess[..., 0])
-            total += np.where(is_known[..., None], guess, 0.0)
-            count += is_known
-    is_expected = (count > 0) & np.isnan(points[..., 0])
-    mean: Array = np.where(is_expected[..., None], total / np.maximum(count, 1)[..., None], np.nan)
-    return mean
+            total += np.nan_to_num(guess)
+            count += np.isfinite(guess[..., :1])
+    with np.errstate(invalid='ignore'):
+        return np.where(np.isnan(points), total / count, points)
