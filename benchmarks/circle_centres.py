@@ -58,9 +58,8 @@ _NOTE = (
     '0.7 px, noise 2 grey levels. OpenCV: findCirclesGrid, with clustering if that fails without. '
     'OpenCV reports the middle of the image of a circle, which is not the image of its middle; '
     'its error is in one direction and grows with the size of the circles. p4pfr_ros/detection/'
-    'circle_grid.py derives the correction. The search is that of OpenCV, on blobs that are '
-    'straightened by trial lenses; asymmetric grids tilted by 40 degrees behind a very wide lens '
-    'are missed.'
+    'circle_centres.py derives the correction. The search for the circles is our own, too '
+    '(circle_lattice.py).'
 )
 
 

@@ -2,337 +2,281 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Detection of circle grids: OpenCV finds the circles, whose centres are then measured and corrected.
+Detection of circle grids: a lattice of dark ellipses that has the board's columns and rows.
 
-The image of a circle's centre is not the middle of its image: under perspective a circle becomes
-an ellipse whose centre lies farther away, and a lens bends it. For circles as large as half of
-their spacing, the two are tenths of a pixel apart. Three steps:
-
-1. The centroid of a circle's ink, from the grey levels around it. Unlike the middle of an outline
-   at a threshold, it depends neither on blur nor on the threshold.
-2. The map from the board to the image: a homography followed by the division model of a lens about
-   the middle of the image, fitted linearly to the centroids of the grid itself.
-3. That map shows by how much the centroid of each circle's image differs from the image of its
-   centre. The difference is subtracted, and steps 2 and 3 are repeated once.
+The board must end where the lattice ends, as a part of a larger grid looks like a board. Of the
+turns that fit alike, the upright one is taken. Then the centres are measured.
 
 This module stands alone, as each finder of a family of boards does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from p4pfr_ros.boards import CircleGrid
 from p4pfr_ros.core.geometry import Array, Ints, Mask
 from p4pfr_ros.detection.candidates import RejectedCandidate
+from p4pfr_ros.detection.circle_centres import (
+    LensMiddle,
+    measure_centres,
+    MeasuredGrid,
+    share_of_circles,
+)
+from p4pfr_ros.detection.circle_lattice import circle_lattices
+from p4pfr_ros.detection.ellipse_blobs import Blobs, find_blobs
 
-_cv2: Any = cv2  # its type stubs lack the blob detector
+# Smallest fraction of the circles that must be found; the others may be covered. On each side of
+# the board at least half of them, or the board could lie one circle farther.
+_MIN_FOUND_FRACTION = 0.75
+_MIN_FOUND_ON_SIDE = 0.5
+# A lattice begins with so many of the board's circles, in squares of four.
+_MIN_IN_SQUARES = 0.25
+# A second board of at least this fraction of the area makes it unclear which one is meant.
+_MIN_AREA_OF_SECOND = 0.5
+# What is named as visible instead has so many circles a side; of its circles and of those of the
+# lattice at least this fraction.
+_LEAST_SIDE, _MIN_FULL = 3, 0.9
 
-# OpenCV's blob detector ignores circles outside of these areas.
-_MIN_AREA_PX = 12.0
-_MIN_CIRCULARITY = 0.6
-# Trial values of the division model's k, in units of the half diagonal, for the search.
-_BENDS = (0.0, -0.2, -0.4, -0.6, -0.8)
-_MAX_BLOBS = 2000
 _NOTHING = np.empty(0, dtype=np.int64), np.empty((0, 2))
-_DRAWN_SIDE_PX, _DRAWN_RADIUS_PX, _SHIFT = 800.0, 3, 4
-# The window of a circle reaches this far into the white gap to its nearest neighbour. The ink is
-# counted within it, and the level of the paper is taken from its outer part.
-_WINDOW_IN_GAPS = 0.5
-# More paper than blur reaches adds only noise.
-_WINDOW_PX, _WINDOW_IN_RADII = 4.0, 0.1
-_PAPER_FROM = 0.9
-# Acceptance: a minimum contrast, in grey levels; the area of the ink, in areas of the projected
-# circle; and the largest distance from the map of the whole grid, in pixels and medians.
-_MIN_CONTRAST = 10.0
-_AREA_RANGE = (0.75, 1.3)
-_MAX_MISFIT_PX, _MAX_MISFIT_IN_MEDIANS = 0.5, 4.0
-# A window that is farther off its circle is moved, and the circle measured again.
-_OFF_CENTRE_PX = 0.5
-_CORRECTIONS = 2
-_OUTLINE_VERTICES = 48
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LensMiddle:
-    """Where the middle of the whole image is (2,) px, and half of the image's diagonal, px."""
-
-    at_px: Array
-    unit_px: float
-
-    @classmethod
-    def of(cls, shape: tuple[int, ...], offset_px: ArrayLike = 0.0) -> LensMiddle:
-        """Return that of an image (h, w), seen from a part of it that begins at an offset."""
-        middle_px = 0.5 * (np.array(shape[1::-1]) - 1.0)
-        return cls(middle_px - np.asarray(offset_px), float(np.linalg.norm(middle_px)))
 
 
 def find_circle_grid(
     grey: NDArray[np.uint8], board: CircleGrid, lens: LensMiddle
-) -> tuple[Ints, Array, tuple[RejectedCandidate, ...]]:
+) -> tuple[Ints, Array, str, tuple[RejectedCandidate, ...]]:
     """
     Find a grid's circles in an image (h, w), or a part of one; lens: the middle of the whole one.
+
+    Of two grids the larger one is meant; of two about equally large ones, none.
 
     Returns
     -------
     Ids (N,) (indices in the board's points) and the images of the centres (N, 2) px, empty if the
-    grid is not found; then also the circles that were found. Circles that cannot be measured, such
-    as half covered ones, are left out.
+    grid is not found; then also the reason, and the circles that were found. The reason names the
+    size of a grid that is visible instead. Circles that cannot be measured, such as half covered
+    ones, are left out.
 
     """
-    blobs, diameters_px = _blobs(grey, board)
-    found = _search(board, blobs, lens)
-    if found is None:
-        return *_NOTHING, _rejected(blobs, diameters_px, 'circle, but no grid')
-    centres, good = _centroids(grey, board, _GridMap.fitted(board.points, found, lens))
-    if good.sum() < max(4, board.columns):
-        return *_NOTHING, _rejected(blobs, diameters_px, 'not a whole circle on white')
-    corrected = centres
-    for _ in range(_CORRECTIONS):
-        grid_map = _GridMap.fitted(board.points[good], corrected[good], lens)
-        corrected = centres - _centroid_offsets(board, grid_map)
-    misfit_px = np.linalg.norm(corrected - grid_map.pixels(board.points), axis=1)
-    good &= misfit_px < _MAX_MISFIT_PX + _MAX_MISFIT_IN_MEDIANS * np.median(misfit_px[good])
-    ids = np.flatnonzero(good)
-    return ids, corrected[ids], ()
+    name = f'{board.columns}x{board.rows} circles'
+    points = len(board.points)
+    blobs = find_blobs(grey, grey.size / points)
+    at_least = max(4, int(np.ceil(_MIN_IN_SQUARES * points)))
+    lattices = circle_lattices(blobs, 2.0 * board.nearest_m / board.diameter_m, at_least)
+    grids = [_board_in_lattice(lattice, board, blobs) for lattice in lattices]
+    candidates = [each for each in grids if each is not None]
+    found = _distinct_grids(grey, board, candidates, lens)
+    if len(found) == 1:
+        return *found[0], '', ()
+    if found:
+        reason = f'{len(found)} grids of {name} found, of about the same size'
+        return *_NOTHING, reason, _rejected(blobs, 'circle of one of several equal grids')
+    count = len(blobs.middles)
+    seen = f'{count} dark circles' if blobs.are_all else f'the {count} largest dark circles'
+    reason = f'no grid of {name} found among {seen}'
+    why = 'not a whole circle on white' if candidates else 'circle, but no grid'
+    hint = '' if candidates else _hint(lattices, board)
+    return *_NOTHING, reason + hint, _rejected(blobs, why)
 
 
-def _rejected(blobs: Array, diameters_px: Array, reason: str) -> tuple[RejectedCandidate, ...]:
+def _hint(lattices: list[Ints], board: CircleGrid) -> str:
+    """Return what the largest lattice (n, m) of circles shows instead of the board, if any."""
+    if not lattices:
+        return ''
+    for asymmetric in (board.asymmetric, not board.asymmetric):
+        size = (_asymmetric_size if asymmetric else _symmetric_size)(lattices[0] >= 0)
+        if size is None:
+            continue
+        columns, rows = size
+        if not asymmetric and (columns < rows) != (board.columns < board.rows):
+            columns, rows = rows, columns
+        if (asymmetric, columns, rows) == (board.asymmetric, board.columns, board.rows):
+            continue
+        layout = 'an asymmetric' if asymmetric else 'a symmetric'
+        note = '' if asymmetric == board.asymmetric else f', in {layout} grid'
+        return f': {columns}x{rows} circles are visible{note}'
+    return ''
+
+
+def _symmetric_size(is_found: Mask) -> tuple[int, int] | None:
+    """Return the columns and rows of a symmetric grid that a lattice (n, m) is."""
+    own = _without_ragged_sides(is_found, np.ones_like(is_found))
+    return None if own is None else own.shape
+
+
+def _asymmetric_size(is_found: Mask) -> tuple[int, int] | None:
+    """Return the columns and rows of an asymmetric grid that a lattice (n, m) is."""
+    first, second = np.argwhere(is_found).T
+    for x, y in ((first - second, first + second), (first + second, second - first)):
+        x, y = x - x.min(), y - y.min()
+        turned = np.zeros((x.max() + 1, y.max() + 1), dtype=bool)
+        turned[x, y] = True
+        # Of the cells turned by an eighth of a turn, every second one.
+        is_own = np.indices(turned.shape).sum(axis=0) % 2 == (x[0] + y[0]) % 2
+        own = _without_ragged_sides(turned, is_own)
+        # The first row begins, and each second one ends, at the side.
+        if own is not None and own.shape[0] % 2 == 0 and (own[0, 0] or own[-1, -1]):
+            return own.shape[0] // 2, own.shape[1]
+    return None
+
+
+def _without_ragged_sides(is_found: Mask, own: Mask) -> Mask | None:
+    """
+    Return a lattice's own cells without outer lines of which less than a half was found.
+
+    is_found, own (n, m): where circles are, and where they should be. None: it has gaps, or less
+    circles than a grid.
+    """
+    found, is_ragged = is_found, True
+    while is_ragged:
+        is_ragged = False
+        for _ in range(4):  # each side in turn becomes the first line
+            found, own = np.rot90(found), np.rot90(own)
+            while len(found) and found[0].sum() < _MIN_FOUND_ON_SIDE * own[0].sum():
+                found, own, is_ragged = found[1:], own[1:], True
+    count = found.sum()
+    if min(found.shape) < _LEAST_SIDE or count < _MIN_FULL * max(own.sum(), is_found.sum()):
+        return None
+    return own
+
+
+def _rejected(blobs: Blobs, reason: str) -> tuple[RejectedCandidate, ...]:
     corners = 0.5 * np.array([(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)])
     return tuple(
-        RejectedCandidate(blob + diameter_px * corners, reason)
-        for blob, diameter_px in zip(blobs[:_MAX_BLOBS], diameters_px, strict=False)
+        RejectedCandidate(middle + diameter_px * corners, reason)
+        for middle, diameter_px in zip(blobs.middles, blobs.diameters_px, strict=True)
     )
 
 
-def _blobs(grey: NDArray[np.uint8], board: CircleGrid) -> tuple[Array, Array]:
-    """Return the middles (M, 2) and diameters (M,), pixels, of dark circles in an image."""
-    parameters = _blob_parameters(grey.size / len(board.points))
-    found = _cv2.SimpleBlobDetector_create(parameters).detect(grey)
-    middles = np.array([blob.pt for blob in found], dtype=np.float64).reshape(-1, 2)
-    return middles, np.array([blob.size for blob in found])
+class _Candidate(NamedTuple):
+    """Ids (n,) of a board's points and about where they are, (n, 2) px."""
+
+    ids: Ints
+    middles: Array
+
+    def area_px2(self) -> float:
+        """Return the area that the circles span."""
+        return float(cv2.contourArea(cv2.convexHull(self.middles.astype(np.float32))))
 
 
-def _search(board: CircleGrid, blobs: Array, lens: LensMiddle) -> Array | None:
-    """Return OpenCV's centres (N, 2) px in the order of the board's points, or None."""
-    if not len(board.points) <= len(blobs) <= _MAX_BLOBS:
-        return None
-    r2 = np.sum((blobs - lens.at_px) ** 2, axis=1) / lens.unit_px**2
-    for bend in _BENDS:
-        straight = lens.at_px + (blobs - lens.at_px) / (1.0 + bend * r2)[:, None]
-        ids = _grid_among(straight, board)
-        if ids is not None:
-            order = _order_as_printed(straight[ids], board)
-            if order is not None:
-                return blobs[ids][order]
-    return None
+def _distinct_grids(
+    grey: NDArray[np.uint8], board: CircleGrid, candidates: list[_Candidate], lens: LensMiddle
+) -> list[tuple[Ints, Array]]:
+    """Return the ids and centres of the largest grid, and of others about as large."""
+    found: list[tuple[Ints, Array]] = []
+    least_px2 = 0.0
+    for each in sorted(candidates, key=_Candidate.area_px2, reverse=True):
+        if each.area_px2() < least_px2:
+            break
+        measured = measure_centres(grey, board, each.ids, each.middles, lens)
+        if measured is not None and not _continues(grey, board, measured):
+            least_px2 = max(least_px2, _MIN_AREA_OF_SECOND * each.area_px2())
+            found.append((measured.ids, measured.centres))
+    return found
 
 
-def _grid_among(blobs: Array, board: CircleGrid) -> Ints | None:
-    """Return the indices (N,) of the blobs (M, 2) that OpenCV finds to be the grid, or None."""
-    # OpenCV searches an image, not points: the blobs are drawn as small discs.
-    low = blobs.min(axis=0)
-    scale = _DRAWN_SIDE_PX / float((blobs.max(axis=0) - low).max())
-    drawn = scale * (blobs - low) + 4.0 * _DRAWN_RADIUS_PX
-    width, height = np.ceil(drawn.max(axis=0) + 4.0 * _DRAWN_RADIUS_PX).astype(int).tolist()
-    canvas = np.full((height, width), 255, dtype=np.uint8)
-    for x, y in np.rint(drawn * 2**_SHIFT).astype(int).tolist():
-        cv2.circle(canvas, (x, y), _DRAWN_RADIUS_PX << _SHIFT, 0, -1, cv2.LINE_8, _SHIFT)
-    layout = cv2.CALIB_CB_ASYMMETRIC_GRID if board.asymmetric else cv2.CALIB_CB_SYMMETRIC_GRID
-    parameters = _blob_parameters(4.0 * np.pi * _DRAWN_RADIUS_PX**2)
-    parameters.minThreshold, parameters.maxThreshold, parameters.thresholdStep = 100, 160, 50
-    parameters.minRepeatability = 1
-    detector = _cv2.SimpleBlobDetector_create(parameters)
-    # Clustering copes with stronger perspective, but not with blobs beside the grid.
-    for flags in (layout, layout | cv2.CALIB_CB_CLUSTERING):
-        found, centres = cv2.findCirclesGrid(
-            canvas, (board.columns, board.rows), flags=flags, blobDetector=detector
-        )
-        if found:
-            distance = np.linalg.norm(centres.reshape(-1, 1, 2) - drawn, axis=2)
-            nearest: Ints = distance.argmin(axis=1)
-            return nearest if len(set(nearest.tolist())) == len(nearest) else None
-    return None
+def _continues(grey: NDArray[np.uint8], board: CircleGrid, grid: MeasuredGrid) -> bool:
+    """Return whether circles that the search missed continue the grid at one of its sides."""
+    for _, outside in _sides(board):
+        steps = _steps(board, *outside) * (1.0, -1.0)
+        points = board.points[0] + board.spacing_m * steps
+        if share_of_circles(grey, board, points, grid) >= _MIN_FOUND_ON_SIDE:
+            return True
+    return False
 
 
-def _blob_parameters(max_area_px: float) -> Any:
-    parameters = _cv2.SimpleBlobDetector_Params()
-    parameters.filterByArea = True
-    parameters.minArea, parameters.maxArea = _MIN_AREA_PX, max(max_area_px, 2.0 * _MIN_AREA_PX)
-    parameters.filterByCircularity = True
-    parameters.minCircularity = _MIN_CIRCULARITY
-    parameters.minDistBetweenBlobs = 2.0
-    return parameters
+def _steps(board: CircleGrid, row: Ints, column: Ints) -> Ints:
+    """Return how many spacings (N, 2) to the right and down circles are from the first one."""
+    x = 2 * column + row % 2 if board.asymmetric else column
+    return np.column_stack([x, row])
 
 
-def _order_as_printed(centres: Array, board: CircleGrid) -> Ints | None:
+def _cells(board: CircleGrid, row: Ints, column: Ints) -> Ints:
+    """Return the cells (N, 2) of circles in the square lattice of nearest neighbours."""
+    steps = _steps(board, row, column)
+    if not board.asymmetric:
+        return steps
+    # The nearest neighbours are diagonal ones.
+    x, y = steps.T
+    return np.column_stack([x + y, y - x]) // 2
+
+
+_Line = tuple[Ints, Ints]  # rows (n,) and columns (n,)
+
+
+def _sides(board: CircleGrid) -> list[tuple[_Line, _Line]]:
     """
-    Return the indices (N,) that put a grid's centres in the order of the board's points.
+    Return for each side the rows and columns of the outermost circles, and those one step farther.
 
-    If several orders fit, as in symmetric grids, the result is upright. None: no order fits.
+    The left and right sides of an asymmetric grid are two each, in its even and in its odd rows:
+    turned by half a turn, it fits with one of them one circle off.
     """
-    best: tuple[float, float, Ints] | None = None
-    indices = np.arange(len(centres)).reshape(board.rows, board.columns)
-    for each in _orders(indices):
-        order = each.ravel()
-        points = centres[order]
-        homography, _ = cv2.findHomography(board.points, points)
-        if homography is None or np.linalg.det(homography) >= 0.0:
-            continue  # mirrored: the board's y axis points up, the image's down
-        mapped = cv2.perspectiveTransform(board.points[:, None], homography)[:, 0]
-        misfit_px = float(np.sqrt(np.mean(np.sum((mapped - points) ** 2, axis=1))))
-        up_px = float(np.sum(points[-board.columns :, 1] - points[: board.columns, 1]))
-        # Orders that fit alike differ by less than the lens bends the grid; wrong ones miss by
-        # half a spacing.
-        if (
-            best is None
-            or misfit_px < 0.5 * best[0]
-            or (misfit_px < 2.0 * best[0] and up_px > best[1])
-        ):
-            best = misfit_px, up_px, order
-    return None if best is None else best[2]
+    columns, rows = np.arange(board.columns), np.arange(board.rows)
+    lines = [(np.full_like(columns, at), columns) for at in (0, -1, board.rows - 1, board.rows)]
+    for own in (rows[::2], rows[1::2]) if board.asymmetric else (rows,):
+        lines += [(own, np.full_like(own, at)) for at in (0, -1, board.columns - 1, board.columns)]
+    return list(zip(lines[::2], lines[1::2], strict=True))
 
 
-def _orders(grid: Ints) -> Iterator[Ints]:
-    """Yield a grid of indices as it is, flipped, turned, and with neighbouring rows exchanged."""
-    rows, columns = grid.shape
-    grids = [grid]
-    if rows == columns:
-        grids.append(grid.T)
-    if rows % 2 == 0:  # OpenCV does so in asymmetric grids that are turned by half a turn
-        grids.append(grid.reshape(rows // 2, 2, columns)[:, ::-1].reshape(rows, columns))
-    for each in grids:
-        for flipped in (each, each[::-1]):
-            yield from (flipped, flipped[:, ::-1])
+def _board_in_lattice(lattice: Ints, board: CircleGrid, blobs: Blobs) -> _Candidate | None:
+    """Return the circles of a board in a lattice (n, m) of indices; None without one."""
+    own = _cells(board, *np.divmod(np.arange(len(board.points)), board.columns))
+    sides = [
+        (_cells(board, *outermost), _cells(board, *outside))
+        for outermost, outside in _sides(board)
+    ]
+    # Two lines on all sides for the cells beyond the board's.
+    margin = int(np.ptp(own, axis=0).max()) + 3
+    wider = np.pad(lattice, margin, constant_values=-1)
+    fits = []
+    for _ in range(4):  # quarter turns
+        own = _turned(own)
+        sides = [(_turned(outermost), _turned(outside)) for outermost, outside in sides]
+        for corner in _places(wider >= 0, own, sides):
+            members = wider[tuple((corner + own).T)]
+            ids = np.flatnonzero(members >= 0)
+            fits.append(_Candidate(ids, blobs.middles[members[ids]]))
+    most = max((len(each.ids) for each in fits), default=0)
+    alike = [each for each in fits if len(each.ids) == most]
+    return max(alike, key=lambda each: _upward_px(each, board), default=None)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _GridMap:
-    """
-    Map from the board to the image: a homography, then the division model about a middle.
-
-    With d = pixel - middle, in units of half the diagonal:  (d, 1 + k |d|²) ~ H (x, y, 1).
-    """
-
-    homography: Array
-    k: float
-    lens: LensMiddle
-
-    @classmethod
-    def fitted(cls, board_points: Array, pixels: Array, lens: LensMiddle) -> _GridMap:
-        """Fit the map to correspondences (N, 2), in two linear steps."""
-        scale = np.abs(board_points).max()
-        d = (pixels - lens.at_px) / lens.unit_px
-        b = np.pad(board_points / scale, ((0, 0), (0, 1)), constant_values=1.0)
-        # The direction from the middle does not depend on the lens:  dx (h2 b) = dy (h1 b).
-        rows = np.concatenate([-d[:, 1:] * b, d[:, :1] * b], axis=1)
-        upper = np.linalg.svd(rows)[2][-1].reshape(2, 3)
-        along = np.sum(d * (b @ upper.T), axis=1)
-        if along.sum() < 0.0:
-            upper, along = -upper, -along
-        # The radius does:  d · (h1 b, h2 b) (1 + k |d|²) = |d|² (h3 b), linear in h3 and k.
-        r2 = np.sum(d**2, axis=1)
-        system = np.column_stack([r2[:, None] * b, -r2 * along])
-        *lower, k = np.linalg.lstsq(system, along, rcond=None)[0]
-        homography = np.vstack([upper, lower]) @ np.diag([1.0 / scale, 1.0 / scale, 1.0])
-        return cls(homography, float(k), lens)
-
-    def pixels(self, board_points: Array) -> Array:
-        """Map points (..., 2) of the board to pixels (..., 2)."""
-        q = np.pad(board_points, [*[(0, 0)] * (board_points.ndim - 1), (0, 1)], constant_values=1)
-        q = q @ self.homography.T
-        # d = s q with k |q|² s² - q₃ s + 1 = 0; this root, so written, is finite at k = 0.
-        disc = q[..., 2] ** 2 - 4.0 * self.k * np.sum(q[..., :2] ** 2, axis=-1)
-        s = 2.0 / (q[..., 2] + np.sqrt(np.maximum(disc, 0.0)))
-        pixels: Array = self.lens.at_px + self.lens.unit_px * s[..., None] * q[..., :2]
-        return pixels
-
-    def jacobian(self, board_points: Array) -> Array:
-        """Return the derivative (N, 2, 2) of the pixels by the point on the board, px/m."""
-        step = 1e-6 * float(np.abs(board_points).max())
-        ahead = [self.pixels(board_points + each) for each in step * np.eye(2)]
-        behind = [self.pixels(board_points - each) for each in step * np.eye(2)]
-        return np.stack([(a - b) / (2.0 * step) for a, b in zip(ahead, behind, strict=True)], 2)
+def _turned(cells: Ints) -> Ints:
+    """Return cells (..., 2) turned by a quarter turn."""
+    return np.stack([-cells[..., 1], cells[..., 0]], axis=-1)
 
 
-def _centroids(
-    grey: NDArray[np.uint8], board: CircleGrid, grid_map: _GridMap
-) -> tuple[Array, Mask]:
-    """Measure the centroid (N, 2) px of each circle's ink; also whether it is accepted (N,)."""
-    points = board.points
-    centres, jacobians = grid_map.pixels(points), grid_map.jacobian(points)
-    gap_m = board.nearest_m - board.diameter_m
-    reach = 1.0 + 2.0 * _WINDOW_IN_GAPS * gap_m / board.diameter_m  # in radii
-    good = np.zeros(len(points), dtype=bool)
-    for n, jacobian in enumerate(jacobians):
-        radii_px = 0.5 * board.diameter_m * jacobian
-        window = 1.0 + _WINDOW_IN_RADII + _WINDOW_PX / np.sqrt(abs(np.linalg.det(radii_px)))
-        window = min(reach, float(window))
-        centroid = _centroid(grey, centres[n], radii_px, window)
-        if centroid is not None and np.abs(centroid - centres[n]).max() > _OFF_CENTRE_PX:
-            centroid = _centroid(grey, centroid, radii_px, window)
-        if centroid is not None:
-            centres[n], good[n] = centroid, True
-    return centres, good
-
-
-def _centroid(
-    grey: NDArray[np.uint8], centre: Array, radii_px: Array, reach: float
-) -> Array | None:
-    """
-    Return the centroid (2,) px of the ink around a point, or None if it is no whole circle.
-
-    radii_px (2, 2): image vectors of the circle's radii along the board's axes. The window is the
-    image of a circle of ``reach`` radii.
-    """
-    (a, b), (c, d) = radii_px.tolist()
-    area_px = abs(a * d - b * c)  # in units of pi
-    half = reach * np.sqrt([a * a + b * b, c * c + d * d])
-    left, top = np.ceil(centre - half).astype(int).tolist()
-    right, bottom = (np.floor(centre + half).astype(int) + 1).tolist()
-    if left < 0 or top < 0 or right > grey.shape[1] or bottom > grey.shape[0]:
-        return None
-    x = np.arange(left, right) - centre[0]
-    y = (np.arange(top, bottom) - centre[1])[:, None]
-    distance2 = ((d * x - b * y) ** 2 + (a * y - c * x) ** 2) / area_px**2
-    row, column = np.nonzero(distance2 < reach**2)
-    x, y, distance2 = x[column], y[row, 0], distance2[row, column]
-    levels = grey[top:bottom, left:right][row, column].astype(np.float64)
-    rim, core = distance2 > (_PAPER_FROM * reach) ** 2, distance2 < 0.25
-    if rim.sum() < 8 or not core.any():
-        return None
-    # The paper's level varies linearly with the place, as far as light does over a circle.
-    plane = np.stack([np.ones_like(x), x, y])
-    paper = np.linalg.solve(plane[:, rim] @ plane[:, rim].T, plane[:, rim] @ levels[rim]) @ plane
-    ink = paper - levels
-    contrast = ink[core].mean()
-    total = ink.sum()
-    if contrast < _MIN_CONTRAST or not (
-        _AREA_RANGE[0] < total / (contrast * np.pi * area_px) < _AREA_RANGE[1]
-    ):
-        return None
-    centroid: Array = centre + plane[1:] @ ink / total
-    return centroid
-
-
-def _centroid_offsets(board: CircleGrid, grid_map: _GridMap) -> Array:
-    """Return by how much (N, 2) px the centroid of each circle's image is off its centre's."""
-    # For a homography alone the image is an ellipse, and with w = h3 c and g = H diag(1, 1, 0) h3
-    # its centre is (H c w - r² g) / (w² - r² g3) instead of H c / w. With a lens there is no such
-    # formula: the centroid of a polygon through the image of the circle's outline, by Green's
-    # theorem. Its error is of the order of r / n², the same on all sides.
-    angles = np.linspace(0.0, 2.0 * np.pi, _OUTLINE_VERTICES, endpoint=False)
-    circle = 0.5 * board.diameter_m * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    images = grid_map.pixels(board.points)
-    outline = grid_map.pixels(board.points[:, None] + circle) - images[:, None]
-    following = np.roll(outline, -1, axis=1)
-    cross = outline[..., 0] * following[..., 1] - outline[..., 1] * following[..., 0]
-    offsets: Array = np.einsum('nv,nvi->ni', cross, outline + following) / (
-        3.0 * cross.sum(axis=1)[:, None]
+def _places(is_found: Mask, own: Ints, sides: list[tuple[Ints, Ints]]) -> Ints:
+    """Return where (K, 2) a board's cells are found in a lattice, which ends at its sides."""
+    low = own.min(axis=0)
+    template = np.zeros(own.max(axis=0) - low + 1, dtype=np.float32)
+    template[tuple((own - low).T)] = 1.0
+    count = cv2.filter2D(
+        is_found.astype(np.float32),
+        -1,
+        template,
+        anchor=(0, 0),
+        borderType=cv2.BORDER_CONSTANT,
     )
-    return offsets
+    places: Ints = np.argwhere(count > _MIN_FOUND_FRACTION * len(own) - 0.1) - low
+    for outermost, outside in sides:
+        on_side, beyond = (_count_in(is_found, places, cells) for cells in (outermost, outside))
+        # A single ellipse may lie there by chance, and be a half of a short line.
+        good = on_side >= _MIN_FOUND_ON_SIDE * len(outermost)
+        good &= beyond < max(_MIN_FOUND_ON_SIDE * len(outside), 2)
+        places = places[good]
+    return places
+
+
+def _count_in(is_found: Mask, places: Ints, cells: Ints) -> Ints:
+    """Return how many of some cells (n, 2) are found at each of some places (K, 2), (K,)."""
+    at = places[:, None] + cells
+    return np.asarray(is_found[at[..., 0], at[..., 1]].sum(axis=1))
+
+
+def _upward_px(candidate: _Candidate, board: CircleGrid) -> float:
+    """Return how far the board's y axis points up in the image: pixels, weighted by rows."""
+    row = candidate.ids // board.columns
+    return float(np.sum((row - row.mean()) * candidate.middles[:, 1]))

@@ -33,7 +33,8 @@ from p4pfr_ros.detection.candidates import (
 )
 from p4pfr_ros.detection.charuco import find_charuco
 from p4pfr_ros.detection.chessboard import find_chessboard
-from p4pfr_ros.detection.circle_grid import find_circle_grid, LensMiddle
+from p4pfr_ros.detection.circle_centres import LensMiddle
+from p4pfr_ros.detection.circle_grid import find_circle_grid
 from p4pfr_ros.detection.markers import find_markers
 
 # OpenCV's detectors raise on smaller images, in which no board could be resolved anyway.
@@ -184,11 +185,7 @@ def _detect_in(
     if isinstance(board, Chessboard):
         ids, points, reason, rejected = find_chessboard(grey, board)
     elif isinstance(board, CircleGrid):
-        ids, points, rejected = find_circle_grid(grey, board, lens)
-        reason = (
-            f'no grid of {board.columns}x{board.rows} circles found among {len(rejected)} dark '
-            'circles'
-        )
+        ids, points, reason, rejected = find_circle_grid(grey, board, lens)
     elif isinstance(board, Charuco):
         ids, points, markers = find_charuco(grey, board, min_marker_px)
         reason, rejected = _why_absent(board, markers), markers.rejected

@@ -21,8 +21,9 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from p4pfr_ros.core.geometry import Array, Ints, Mask
+from p4pfr_ros.core.geometry import Array, Ints
 from p4pfr_ros.core.jit import kernel
+from p4pfr_ros.detection.square_lattice import joined
 
 # Binomial weights: they remove patterns of single pixels, such as a Bayer mosaic, and leave
 # squares of four.
@@ -58,8 +59,6 @@ _MAX_TRACE = 0.7
 _MAX_SINE = 0.5
 # Largest distance between neighbours, pixels: larger squares are found in smaller images.
 _MAX_SPACING_PX = 110.0
-# Largest ratio of the lengths of two squares in a line.
-_MAX_LENGTH_RATIO = 2.0
 # Largest ratio of the curvatures of neighbours.
 _MAX_CURVATURE_RATIO = 5.0
 
@@ -175,31 +174,13 @@ def lattices(saddles: Array, at_least: int) -> list[tuple[Ints, Ints]]:
 
     Returns
     -------
-    For each lattice the indices (M,) of its saddles and their cells (M, 2): integers along its
-    two directions, from (0, 0); no cell twice.
+    For each lattice the indices (M,) of its saddles and their cells (M, 2), as from ``joined``.
 
     """
-    count = len(saddles)
-    links, back = np.empty((2, count, 4), np.int64)
-    in_square = np.zeros((count, 4), np.bool_)
-    lattice, cells = np.empty(count, np.int64), np.empty((count, 3), np.int64)
+    links, nearest2 = np.empty((len(saddles), 4), np.int64), np.empty((len(saddles), 4))
     by_x = np.argsort(saddles[:, _COLUMNS.x], kind='stable')
-    nearest2 = np.empty((count, 4))
     _link(saddles, by_x, links, nearest2)
-    _keep_mutual(links, nearest2, back)
-    _mark_squares(links, back, in_square)
-    _spread(links, back, in_square, lattice, cells, np.empty(count, np.int64))
-    sizes = np.bincount(lattice, minlength=1) if count else np.zeros(1, np.int64)
-    found = []
-    for label in np.argsort(-sizes, kind='stable').tolist():
-        if sizes[label] < at_least:
-            break
-        members = np.flatnonzero(lattice == label)
-        # The strongest saddle of a cell comes first.
-        corner = cells[members, :2].min(axis=0)
-        distinct, first = np.unique(cells[members, :2] - corner, axis=0, return_index=True)
-        found.append((members[first], distinct))
-    return found
+    return joined(links, nearest2, at_least)
 
 
 @kernel
@@ -208,7 +189,8 @@ def _link(saddles: Array, by_x: Ints, links: Ints, nearest2: Array) -> None:
     Write the nearest neighbour of each saddle along its four edges, or -1.
 
     Edge p of a saddle points along the first (0), second (1), first backwards (2), second
-    backwards (3). by_x (N,) are the indices in the order of x; nearest2 (N, 4) is workspace.
+    backwards (3). by_x (N,) are the indices in the order of x; nearest2 (N, 4) are the distances²,
+    px².
     """
     for i in range(len(saddles)):
         for p in range(4):
@@ -253,82 +235,3 @@ def _alternate(one: Array, other: Array) -> bool:
     return bool(
         abs(sine) < _MAX_SINE and 1.0 / _MAX_CURVATURE_RATIO < ratio < _MAX_CURVATURE_RATIO
     )
-
-
-@kernel
-def _keep_mutual(links: Ints, nearest2: Array, back: Ints) -> None:
-    """
-    Drop links that are not mutual, or long; write to which edge of the neighbour each one leads.
-
-    A long one is longer than the one on the other side of the saddle: it leads to another board.
-    """
-    for i in range(len(links)):
-        for p in range(4):
-            back[i, p] = -1
-            j = links[i, p]
-            for q in range(4):
-                if j >= 0 and links[j, q] == i:
-                    back[i, p] = q
-    for i in range(len(links)):
-        for p in range(4):
-            opposite, q = (p + 2) % 4, back[i, p]
-            is_long = nearest2[i, p] > _MAX_LENGTH_RATIO**2 * nearest2[i, opposite]
-            if q >= 0 and links[i, opposite] >= 0 and is_long:
-                back[links[i, p], q] = back[i, p] = -1
-    for i in range(len(links)):
-        for p in range(4):
-            if back[i, p] < 0:
-                links[i, p] = -1
-
-
-@kernel
-def _mark_squares(links: Ints, back: Ints, in_square: Mask) -> None:
-    """Mark the links that are sides of a square; other ones lead out of the board."""
-    for i in range(len(links)):
-        for p in range(4):
-            p1 = (p + 1) % 4
-            j, k = links[i, p], links[i, p1]
-            if j < 0 or k < 0:
-                continue
-            # If edge q of j leads back to i, edge q - 1 of j is parallel to edge p + 1 of i.
-            across, along = (back[i, p] + 3) % 4, (back[i, p1] + 1) % 4
-            if links[j, across] >= 0 and links[j, across] == links[k, along]:
-                in_square[i, p] = in_square[i, p1] = True
-
-
-@kernel
-def _spread(
-    links: Ints, back: Ints, in_square: Mask, lattice: Ints, cells: Ints, queue: Ints
-) -> None:
-    """
-    Give saddles joined by sides of squares one number; write their cells and orientations.
-
-    cells (N, 3): an orientation o says that edge p points along the lattice's direction p + o
-    (modulo 4), where 0 to 3 are (1, 0), (0, 1), (-1, 0), (0, -1).
-    """
-    count = len(links)
-    for i in range(count):
-        lattice[i] = -1
-    label = 0
-    for seed in range(count):
-        if lattice[seed] >= 0:
-            continue
-        lattice[seed] = label
-        cells[seed, 0] = cells[seed, 1] = cells[seed, 2] = 0
-        queue[0] = seed
-        begin, end = 0, 1
-        while begin < end:
-            i = queue[begin]
-            begin += 1
-            for p in range(4):
-                j = links[i, p]
-                if not in_square[i, p] or lattice[j] >= 0:
-                    continue
-                direction = (p + cells[i, 2]) % 4
-                cells[j, 0] = cells[i, 0] + (direction == 0) - (direction == 2)
-                cells[j, 1] = cells[i, 1] + (direction == 1) - (direction == 3)
-                cells[j, 2] = (direction + 2 - back[i, p]) % 4
-                lattice[j] = label
-                queue[end] = j
-                end += 1
-        label += 1
