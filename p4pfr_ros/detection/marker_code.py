@@ -89,8 +89,7 @@ def reads(
                 contrast += 0.5 * near * p[6]
             level = _level_at(grey, x, y)
             off = level - middle if cells[row, column] else middle - level
-            if off > _UNCLEAR_IN_CONTRASTS * contrast:
-                unclear += 1
+            unclear += off > _UNCLEAR_IN_CONTRASTS * contrast
             if off > _WRONG_IN_CONTRASTS * contrast:
                 wrong += 1
             elif not cells[row, column]:

@@ -35,11 +35,11 @@ _BORDER_PX = 4
 _NEIGHBOURHOOD = np.ones((5, 5), np.uint8)
 # The image is searched in bands of about this size, which stay in the cache.
 _BAND_PIXELS = 320_000
-# Derivatives from the 3x3 levels around a pixel (row by row): by x, y, xx, yy, xy.
+# Derivatives from the 3x3 levels around a pixel, as sums with these weights: by x, y, xx, yy, xy.
 _MIDDLE, _SLOPE, _BEND = [0.0, 1.0, 0.0], [-0.5, 0.0, 0.5], [1.0, -2.0, 1.0]
 _DERIVATIVES = np.array(
     [
-        np.outer(along_y, along_x).ravel()
+        np.outer(along_y, along_x)
         for along_y, along_x in (
             (_MIDDLE, _SLOPE),
             (_SLOPE, _MIDDLE),
@@ -150,7 +150,8 @@ def _described(smooth: NDArray[np.int16], x: Ints, y: Ints) -> Array:
     """Return the saddles (N, 5) near pixels."""
     steps = np.arange(-1, 2)
     around = smooth[y[:, None, None] + steps[:, None], x[:, None, None] + steps] / _PER_LEVEL
-    by_x, by_y, xx, yy, xy = (around.reshape(-1, 9) @ _DERIVATIVES.T).T
+    # Not as a product of matrices: its rounding depends on the number of threads.
+    by_x, by_y, xx, yy, xy = np.einsum('dij,nij->dn', _DERIVATIVES, around)
     determinant = xx * yy - xy * xy
     # Newton's step to the saddle point, where the gradient vanishes.
     dx, dy = (xy * by_y - yy * by_x) / determinant, (xy * by_x - xx * by_y) / determinant
