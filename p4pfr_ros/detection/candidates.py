@@ -100,12 +100,30 @@ def find_board_markers(
     The borders of a board whose marker corners will be refined are not checked yet: `rechecked`
     does that at the refined corners.
     """
+    # All squares of a ChArUco board have the same colours. If both are asked for at once, OpenCV
+    # may report the inner outline of a wide border.
+    one_by_one = isinstance(board, Charuco) and board.inverted == 'any'
+    for with_inverted in (False, True) if one_by_one else (board.inverted is not False,):
+        markers = _found(grey, board, min_marker_px, with_inverted=with_inverted)
+        if len(markers.indices):
+            break
+    return markers
+
+
+def _found(
+    grey: NDArray[np.uint8],
+    board: Charuco | MarkerBoard,
+    min_marker_px: float,
+    *,
+    with_inverted: bool,
+) -> BoardMarkers:
+    """Find a board's markers of one colour or of both."""
     corners, ids, quads = detect_markers(
         grey,
         board.dictionary,
         board.border_bits,
         ids=board.marker_ids,
-        with_inverted=board.inverted is not False,
+        with_inverted=with_inverted,
         min_marker_px=min_marker_px,
     )
     index_of = {marker_id: index for index, marker_id in enumerate(board.marker_ids)}

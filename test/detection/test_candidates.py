@@ -58,6 +58,19 @@ def test_only_the_right_border_gives_corners(board, printed):
         )
 
 
+@pytest.mark.parametrize('distance_m', [0.3, 0.35, 0.4])
+def test_either_colour_of_a_charuco_board_with_wide_borders_is_found(distance_m):
+    board = dataclasses.replace(
+        CHARUCO, dictionary='DICT_6X6_250', square_m=0.04, marker_m=0.024, border_bits=2, rows=4
+    )
+    pose = seen_from(distance_m, (0.2, 0.1), 0.1)
+    for printed in (board, dataclasses.replace(board, inverted=True)):
+        image = render(printed, CAMERAS['strong'], pose, SIZE, **REAL_LENS)
+        either = detect(image, dataclasses.replace(board, inverted='any'))
+        np.testing.assert_array_equal(either.ids, detect(image, printed).ids)
+        assert len(either.ids) == len(board.points)
+
+
 @pytest.mark.parametrize('distance_m', [0.5, 0.45, 0.4])
 def test_tags_whose_outlines_touch_corner_squares_are_found(distance_m):
     """Only the inner outline of a tag's blurred edge is closed, up to a cell inside the tag."""
