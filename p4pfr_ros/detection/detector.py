@@ -97,7 +97,8 @@ def detect(
         elsewhere is not noticed meanwhile.
     min_marker_px
         Side of the smallest markers, pixels. Larger values save time; below 12 px, the search
-        takes four times as long.
+        takes four times as long. In an image of a pattern with a thousand cells, such as tiles or
+        a fence, markers smaller than two cells are not searched.
 
     Raises
     ------
