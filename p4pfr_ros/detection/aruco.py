@@ -194,6 +194,8 @@ def _least_side_px(grey: NDArray[np.uint8]) -> float:
     OpenCV compares all quadrilaterals with each other: tiles, a fence or a keyboard cost seconds,
     of a large image a minute. Markers are larger than the cells of such a pattern.
     """
+    if grey.size < _CELLS * _LEAST_CELL_PX**2:
+        return 0.0
     small = cv2.resize(grey, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
     if max(cv2.connectedComponents(part, connectivity=4)[0] for part in _parts(small)) < _CELLS:
         return 0.0
