@@ -106,9 +106,9 @@ def _links(blobs: Blobs, spacing_in_radii: float) -> tuple[Ints, Array]:
 
 def _pairs(blobs: Blobs, spacing_in_radii: float) -> tuple[Ints, Ints]:
     """
-    Return pairs (P,), (P,) of ellipses that may be neighbours, and their distances, in spacings.
+    Return the indices (P,), (P,) of pairs of ellipses that may be neighbours, or diagonal ones.
 
-    Each pair is there twice, once from each side; diagonal neighbours are included.
+    Each pair is there twice, once from each side.
     """
     middles, inverses = blobs.middles, np.linalg.inv(blobs.moments)
     area2 = np.linalg.det(blobs.moments)

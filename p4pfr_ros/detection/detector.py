@@ -189,10 +189,10 @@ def _detect_in(
         ids, points, reason, rejected = find_circle_grid(grey, board, lens)
     elif isinstance(board, Charuco):
         ids, points, markers = find_charuco(grey, board, min_marker_px)
-        reason, rejected = _why_absent(board, markers), markers.rejected
+        reason, rejected = '' if len(ids) else _why_absent(board, markers), markers.rejected
     else:
         ids, points, markers = find_markers(grey, board, min_marker_px)
-        reason, rejected = _why_absent(board, markers), markers.rejected
+        reason, rejected = '' if len(ids) else _why_absent(board, markers), markers.rejected
     if len(ids) >= _MIN_POINTS:
         return Detection(points, board.points[ids], ids, rejected=rejected)
     if len(ids):

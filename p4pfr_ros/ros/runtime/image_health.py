@@ -89,8 +89,9 @@ class ImageHealth:
         silent_s = now_s - self._received_s
         if silent_s > _STALE_AFTER_S or not self._has_received:
             since = f' for {silent_s:.0f} s' if self._has_received else ''
-            kept_away = f', {incompatible} of them with an incompatible QoS' * bool(incompatible)
-            text = f'no image received{since}, {publishers} publishers{kept_away}'
+            text = f'no image received{since}, {publishers} publishers'
+            if incompatible:
+                text += f', {incompatible} of them with an incompatible QoS'
             return DiagnosticStatus.WARN, text
         received, missed = self._rate.recent
         period_s = self._rate.period_s
